@@ -1,0 +1,213 @@
+"""The scene: what there is, its parameters by name, and which primitive a ray meets.
+
+Primitives are counted spheres first, then planes, each in the order of the file; on equal distance the first wins.
+What a scene cannot need is left out when its kernel is traced: `Scene.nonzero` names the parameters that may be
+other than 0, which are those that the file sets so and all that `replace` has touched.
+"""
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import drjit as dr
+
+from .camera import Camera
+from .geometry import NONE, Array, Plane, Ray, Sphere, plane_blocks, plane_distance, sphere_blocks, sphere_distance
+
+
+@dataclass(frozen=True)
+class Checker:
+    color: Array
+    size: Array
+
+
+@dataclass(frozen=True)
+class Material:
+    name: str
+    color: Array  # Lambertian albedo, linear RGB in [0, 1]
+    specular: Array  # Blinn-Phong coefficient, >= 0
+    shininess: Array  # Blinn-Phong exponent, > 0
+    reflection: Array  # weight of the mirrored ray, in [0, 1]
+    refraction: Array  # weight of the refracted ray, in [0, 1]
+    ior: Array  # index of refraction, > 0
+    fresnel: bool
+    checker: Checker | None
+
+
+@dataclass(frozen=True)
+class PointLight:
+    name: str
+    position: Array
+    intensity: Array
+    inverse_square: bool
+
+
+@dataclass
+class Hit:
+    """The nearest primitive along a ray (not frozen: Dr.Jit's loops write to their state)."""
+
+    t: Array  # distance, infinite for a ray that leaves the scene
+    index: Array  # UInt32: the primitive, or NONE
+    inside: Array  # Bool: the ray travelled in the sphere that it hit
+
+
+PARAMETERS = {
+    "spheres": ("center", "radius"),
+    "planes": ("normal", "offset"),
+    "materials": ("color", "specular", "shininess", "reflection", "refraction", "ior"),
+    "lights": ("position", "intensity"),
+    "camera": ("position", "look_at", "fov"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A scene, frozen; `replace` makes a new one."""
+
+    camera: Camera
+    resolution: tuple[int, int]
+    spheres: tuple[Sphere, ...]
+    planes: tuple[Plane, ...]
+    materials: tuple[Material, ...]
+    lights: tuple[PointLight, ...]
+    background: Array
+    ambient: Array
+    max_depth: int
+    min_importance: float
+    nonzero: tuple[str, ...]
+    twins: tuple[tuple[int, int], ...]  # pairs of primitives that coincide in the file
+
+    def parameters(self, *names: str) -> dict[str, Array]:
+        """The parameters of these names, or all: scalars of width 1, vectors `Array3f` of width 1.
+
+        Raises:
+            KeyError: a name that the scene does not have; the message lists the nearest ones.
+        """
+        known = self._locations
+        _check_names(names, known)
+        return {name: self._read(known[name]) for name in names or known}
+
+    def replace(self, values: Mapping[str, Array]) -> "Scene":
+        """A new scene with these parameters, differentiable in what was replaced.
+
+        Args:
+            values: parameter name to a Dr.Jit array of width 1, or to a number or three of them; a dictionary or a
+                `drjit.opt` optimiser. Gradients are tracked through the arrays as they are given.
+
+        Raises:
+            KeyError: a name that the scene does not have; the message lists the nearest ones.
+            ValueError: a value that is not one scalar, or not one vector, as its parameter is.
+        """
+        known = self._locations
+        _check_names(values.keys(), known)
+        fields: dict[tuple[str, int], dict[str, Array]] = {}
+        for name, value in values.items():
+            kind, position, field = known[name]
+            fields.setdefault((kind, position), {})[field] = _as_parameter(name, value, self._read(known[name]))
+        groups: dict[str, list] = {}
+        changes: dict[str, object] = {"nonzero": tuple(sorted({*self.nonzero, *values.keys()}))}
+        for (kind, position), new in fields.items():
+            if kind in ("background", "ambient"):
+                changes[kind] = new[kind]
+            elif kind == "camera":
+                changes[kind] = replace(self.camera, **new)
+            else:
+                group = groups.setdefault(kind, list(getattr(self, kind)))
+                group[position] = replace(group[position], **new)
+        changes.update({kind: tuple(group) for kind, group in groups.items()})
+        scene = replace(self, **changes)  # type: ignore[arg-type]
+        scene.__dict__["_locations"] = known
+        return scene
+
+    @cached_property
+    def _locations(self) -> dict[str, tuple[str, int, str]]:
+        """Parameter name to group, place in the group, field."""
+        locations: dict[str, tuple[str, int, str]] = {}
+        for kind, fields in PARAMETERS.items():
+            group = (self.camera,) if kind == "camera" else getattr(self, kind)
+            for position, item in enumerate(group):
+                prefix = kind if kind == "camera" else f"{kind}.{item.name}"
+                locations.update({f"{prefix}.{field}": (kind, position, field) for field in fields})
+        return locations | {name: (name, 0, name) for name in ("background", "ambient")}
+
+    def _read(self, location: tuple[str, int, str]) -> Array:
+        kind, position, field = location
+        group = getattr(self, kind)
+        if kind in ("background", "ambient"):
+            return group
+        return getattr(group if kind == "camera" else group[position], field)
+
+    def may(self, material: Material, field: str) -> bool:
+        """Whether a material's weight can be other than 0, and so is worth compiling."""
+        return f"materials.{material.name}.{field}" in self.nonzero
+
+    def material_of(self, primitive: int) -> str:
+        spheres = len(self.spheres)
+        return self.spheres[primitive].material if primitive < spheres else self.planes[primitive - spheres].material
+
+
+def _check_names(names: Iterable[str], known: Mapping[str, object]) -> None:
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.5) or list(known)[:3]
+            raise KeyError(f"the scene has no parameter '{name}'; nearest: {', '.join(near)}")
+
+
+def _as_parameter(name: str, value: object, old: Array) -> Array:
+    """The value as an array of the old one's type."""
+    want = "one vector of three numbers" if dr.depth_v(old) == 2 else "one number"
+    try:
+        new = value if type(value) is type(old) else type(old)(value)
+    except (TypeError, ValueError, RuntimeError):
+        raise ValueError(f"{name}: expected {want}, got {value!r}") from None
+    if dr.width(new) != 1:
+        raise ValueError(f"{name}: expected {want}, got an array of width {dr.width(new)}")
+    return new
+
+
+def starts_on(scene: Scene, source: Array, primitive: int) -> Array:
+    """Whether a ray starts on a primitive, or on one that coincides with it."""
+    on = source == primitive
+    for a, b in scene.twins:
+        if primitive in (a, b):
+            on |= (source == (a + b - primitive)) & _coincide(scene, a, b)
+    return on
+
+
+def _coincide(scene: Scene, a: int, b: int) -> Array:
+    """Whether two primitives that the file put in one place are still there."""
+    spheres = len(scene.spheres)
+    if a < spheres:
+        s, t = scene.spheres[a], scene.spheres[b]
+        return dr.all(s.center == t.center) & (s.radius == t.radius)
+    p, q = scene.planes[a - spheres], scene.planes[b - spheres]
+    flip = dr.select(dr.dot(p.normal, q.normal) < 0, -1, 1)
+    return dr.all(p.normal == q.normal * flip) & (p.offset == q.offset * flip)
+
+
+def closest_hit(scene: Scene, ray: Ray) -> Hit:
+    """The nearest primitive in front of the ray."""
+    real, mask = dr.value_t(type(ray.o)), dr.mask_t(ray.o.x)
+    t, index, inside = real(dr.inf), dr.uint32_array_t(real)(NONE), mask(False)
+    for k, sphere in enumerate(scene.spheres):
+        distance, meets, within = sphere_distance(sphere, ray, starts_on(scene, ray.source, k))
+        nearer = meets & (distance < t)
+        t, index = dr.select(nearer, distance, t), dr.select(nearer, k, index)
+        inside = dr.select(nearer, within, inside)
+    for k, plane in enumerate(scene.planes, len(scene.spheres)):
+        distance = plane_distance(plane, ray)
+        nearer = (distance > 0) & (distance < t) & ~starts_on(scene, ray.source, k)
+        t, index, inside = dr.select(nearer, distance, t), dr.select(nearer, k, index), inside & ~nearer
+    return Hit(t, index, inside)
+
+
+def occluded(scene: Scene, p: Array, light: PointLight, to_light: Array, distance: Array, hit: Hit) -> Array:
+    """Whether anything crosses the open segment from a point on a surface to a light."""
+    blocked = dr.mask_t(distance)(False)
+    for k, sphere in enumerate(scene.spheres):
+        on = starts_on(scene, hit.index, k)
+        blocked |= sphere_blocks(sphere, p, light.position, to_light, distance, on, hit.inside)
+    for k, plane in enumerate(scene.planes, len(scene.spheres)):
+        blocked |= plane_blocks(plane, p, light.position) & ~starts_on(scene, hit.index, k)
+    return blocked

@@ -1,0 +1,134 @@
+"""What a ray meets: the point, the normal, the material, and the media on both sides."""
+
+from dataclasses import dataclass
+
+import drjit as dr
+
+from .geometry import NONE, Array, Ray, level
+from .scene import Hit, Scene, starts_on
+
+
+@dataclass(frozen=True)
+class Surface:
+    p: Array  # the point that the ray reaches
+    n: Array  # the unit normal there, turned towards the side that the ray came from
+    hit: Hit
+    hits: Array  # Bool: there is a surface
+    of: dict[str, Array]  # material name to Bool: the surface is of this material
+
+
+def surface(scene: Scene, ray: Ray, hit: Hit) -> Surface:
+    """The surface at a hit, differentiable in the scene and the ray although the hit itself is detached.
+
+    The distance is the root of a level function F(o + t d) = 0, so its derivative is -dF / (grad F . d) (the implicit
+    function theorem): one primitive's parameters enter, however many the search looked at.
+    """
+    is_sphere = hit.index < len(scene.spheres)
+    hits = hit.index != NONE
+    p = dr.fma(ray.d, dr.select(hits, hit.t, 1), ray.o)
+    center, normal = type(p)(0), -dr.detach(ray.d)
+    for k, sphere in enumerate(scene.spheres):
+        center = dr.select(hit.index == k, sphere.center, center)
+    for k, plane in enumerate(scene.planes, len(scene.spheres)):
+        normal = dr.select(hit.index == k, plane.normal, normal)
+    if dr.grad_enabled(ray, scene):
+        p = _attach_distance(scene, ray, hit, p, center, normal)
+    flip = dr.select(is_sphere, hit.inside, dr.dot(dr.detach(normal), dr.detach(ray.d)) > 0)
+    outward = dr.select(is_sphere, p - center, normal)
+    n = dr.mulsign(dr.normalize(outward), dr.select(flip, -dr.ones(dr.value_t(type(p))), 1))
+    return Surface(p, n, hit, hits, _material_masks(scene, hit))
+
+
+def _attach_distance(scene: Scene, ray: Ray, hit: Hit, p: Array, center: Array, normal: Array) -> Array:
+    """The point p, moved along the ray by the (zero) Newton step that carries the distance's derivative."""
+    is_sphere, real = hit.index < len(scene.spheres), dr.value_t(type(p))
+    radius, offset = real(0), real(0)
+    for k, sphere in enumerate(scene.spheres):
+        radius = dr.select(hit.index == k, sphere.radius, radius)
+    for k, plane in enumerate(scene.planes, len(scene.spheres)):
+        offset = dr.select(hit.index == k, plane.offset, offset)
+    outward = p - center
+    f = dr.select(is_sphere, (dr.squared_norm(outward) - radius * radius) / 2, dr.dot(normal, p) + offset)
+    slope = dr.dot(dr.detach(dr.select(is_sphere, outward, normal)), dr.detach(ray.d))
+    step = (dr.detach(f) - f) / dr.select(slope == 0, 1, slope)
+    return p + dr.select(hit.index != NONE, step, 0) * dr.detach(ray.d)
+
+
+def _material_masks(scene: Scene, hit: Hit) -> dict[str, Array]:
+    of: dict[str, Array] = {}
+    for k in range(len(scene.spheres) + len(scene.planes)):
+        name, here = scene.material_of(k), hit.index == k
+        of[name] = of[name] | here if name in of else here
+    return of
+
+
+def any_of(scene: Scene, at: Surface, wanted) -> Array:
+    """Whether the surface is of one of the materials that `wanted` (Material -> bool) accepts."""
+    mask = dr.mask_t(at.hit.t)(False)
+    for material in scene.materials:
+        if material.name in at.of and wanted(material):
+            mask |= at.of[material.name]
+    return mask
+
+
+def lookup(scene: Scene, at: Surface, field: str, wanted) -> Array:
+    """A field of the surface's material, and 0 where it is not of one of the materials that are `wanted`."""
+    kind = type(at.p) if field == "color" else dr.value_t(type(at.p))
+    value = kind(0)
+    for material in scene.materials:
+        if material.name in at.of and wanted(material):
+            value = dr.select(at.of[material.name], getattr(material, field), value)
+    return value
+
+
+def albedo(scene: Scene, at: Surface) -> Array:
+    """The surface's Lambertian albedo, with its checkerboard."""
+    color = lookup(scene, at, "color", lambda m: scene.may(m, "color"))
+    materials = {material.name: material for material in scene.materials}
+    for k, plane in enumerate(scene.planes, len(scene.spheres)):
+        checker = materials[plane.material].checker
+        if checker is not None:
+            odd = _odd_cell(dr.detach(at.p), dr.detach(plane.normal), checker.size)
+            color = dr.select((at.hit.index == k) & odd, checker.color, color)
+    return color
+
+
+def _odd_cell(p: Array, normal: Array, size: Array) -> Array:
+    """Parity of floor(u / size) + floor(v / size), u and v the coordinates off the normal's largest axis."""
+    size_x, size_y, size_z = abs(normal.x), abs(normal.y), abs(normal.z)
+    drop_x = (size_x >= size_y) & (size_x >= size_z)
+    drop_y = ~drop_x & (size_y >= size_z)
+    cells = dr.floor(dr.select(drop_x, p.y, p.x) / size) + dr.floor(dr.select(drop_x | drop_y, p.z, p.y) / size)
+    return cells - 2 * dr.floor(cells / 2) != 0
+
+
+def relative_index(scene: Scene, at: Surface) -> Array:
+    """eta = n_incident / n_transmitted: a point is in the smallest transparent sphere that contains it."""
+    materials = {material.name: material for material in scene.materials}
+    clear = [
+        (k, sphere, materials[sphere.material])
+        for k, sphere in enumerate(scene.spheres)
+        if scene.may(materials[sphere.material], "refraction")
+    ]
+    real, index, inside = dr.value_t(type(at.p)), at.hit.index, at.hit.inside
+    own_ior, own_radius, own = real(1), real(dr.inf), dr.mask_t(at.hit.t)(False)
+    for k, sphere, material in clear:
+        here = (index == k) & (material.refraction != 0)
+        own_ior, own = dr.select(here, material.ior, own_ior), own | here
+        own_radius = dr.select(here, dr.detach(sphere.radius), own_radius)
+    if len(clear) == 1:
+        return dr.select(inside, own_ior, dr.rcp(own_ior))
+
+    # The smallest of the other spheres around the point
+    outer_ior, outer_radius, outer = real(1), real(dr.inf), dr.uint32_array_t(real)(NONE)
+    p = dr.detach(at.p)
+    for k, sphere, material in clear:
+        detached = dr.detach(sphere)
+        around = (level(detached, p) < 0) & ~starts_on(scene, index, k) & (material.refraction != 0)
+        around &= detached.radius < outer_radius
+        outer_radius, outer = dr.select(around, detached.radius, outer_radius), dr.select(around, k, outer)
+        outer_ior = dr.select(around, material.ior, outer_ior)
+    fills = own & ((own_radius < outer_radius) | ((own_radius == outer_radius) & (index < outer)))
+    inner_ior = dr.select(fills, own_ior, outer_ior)
+    return dr.select(inside, inner_ior, outer_ior) / dr.select(inside, outer_ior, inner_ior)
+

@@ -1,0 +1,162 @@
+"""The Whitted recursion: closest hit -> each light -> reflect and refract, down to a fixed depth.
+
+    L(ray, depth) = emitted + w_r L(reflected, depth + 1) + w_t L(refracted, depth + 1)
+
+The binary tree of rays is walked depth first by one loop with a small stack, reflection before refraction. A packet
+of rays takes as many steps as the largest tree among its rays has nodes, and a node is compiled once whatever the
+depth: at depth 5 this compiles some 20 times faster than the same recursion unrolled into 31 nodes, runs faster, and
+depth 20 needs nothing left out (`benchmarks/` has the figures). Scenes in which no material both reflects and
+refracts get a chain without a stack, and scenes with neither a single node without a loop.
+
+Source: T. Whitted, "An Improved Illumination Model for Shaded Display", CACM 23(6), 1980.
+"""
+
+from dataclasses import dataclass
+
+import drjit as dr
+
+from .geometry import Array, Ray
+from .optics import fresnel, reflect, refract, transmission
+from .scene import Scene, closest_hit
+from .shading import emitted
+from .stack import Stack
+from .surface import Surface, any_of, lookup, relative_index, surface
+
+
+@dataclass
+class Branch:
+    """A child of a node: a ray that leaves from its surface."""
+
+    weight: Array
+    direction: Array
+    inward: Array  # Bool: it leaves into the sphere that was hit
+    active: Array  # Bool: it is to be traced
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Where the recursion ends."""
+
+    max_depth: int  # nodes on the longest chain
+    depth: Array  # UInt32: the same, opaque to the kernel
+    importance: Array | None  # a child whose product of weights is below it is not traced
+
+
+def reflects(scene: Scene) -> bool:
+    """Whether any material can send a reflected ray: mirrors, and glass by total reflection."""
+    return any(scene.may(m, "reflection") or scene.may(m, "refraction") for m in scene.materials)
+
+
+def refracts(scene: Scene) -> bool:
+    return any(scene.may(m, "refraction") for m in scene.materials)
+
+
+def branches_out(scene: Scene) -> bool:
+    """Whether any material can send both rays at once; without one the tree is a chain."""
+    return any(scene.may(m, "reflection") and scene.may(m, "refraction") for m in scene.materials)
+
+
+def scatter(scene: Scene, ray: Ray, at: Surface) -> list[Branch]:
+    """The reflected and then the refracted child, as far as the scene's materials can send them."""
+    if not reflects(scene):
+        return []
+    reflection = _weight(scene, at, "reflection")
+    dielectric = any_of(scene, at, lambda m: m.fresnel)
+    mirror = reflect(ray.d, at.n)
+    if not refracts(scene):
+        # Media are equal everywhere, where a dielectric reflects nothing
+        weight = dr.select(dielectric, 0, reflection)
+        return [Branch(weight, mirror, at.hit.inside, _carries(scene, at, "reflection", weight, reflection))]
+
+    refraction = _weight(scene, at, "refraction")
+    cos_theta_i = dr.fmax(-dr.dot(at.n, ray.d), 0)
+    eta = relative_index(scene, at)
+    squared, total = transmission(cos_theta_i, eta)
+    cos_theta_t = dr.sqrt(dr.select(squared > 0, squared, 1))
+    mirror_weight, weight = reflection + dr.select(total, refraction, 0), dr.select(total, 0, refraction)
+    if any(m.fresnel for m in scene.materials):
+        reflectance = dr.select(total, 1, fresnel(cos_theta_i, cos_theta_t, eta))
+        mirror_weight = dr.select(dielectric, reflection * reflectance, mirror_weight)
+        weight = dr.select(dielectric, refraction * (1 - reflectance), weight)
+    direction = refract(ray.d, at.n, cos_theta_i, cos_theta_t, eta)
+    passes = _carries(scene, at, "refraction", weight, refraction) & ~total
+    mirrored = Branch(mirror_weight, mirror, at.hit.inside, _carries(scene, at, "reflection", mirror_weight, reflection))
+    return [mirrored, Branch(weight, direction, ~at.hit.inside, passes)]
+
+
+def _weight(scene: Scene, at: Surface, field: str) -> Array:
+    return lookup(scene, at, field, lambda m: scene.may(m, field))
+
+
+def _carries(scene: Scene, at: Surface, field: str, weight: Array, coefficient: Array) -> Array:
+    """Whether a child is to be traced: its weight is not 0, or the 0 is being differentiated."""
+    carries = weight != 0
+    if dr.grad_enabled(coefficient):
+        carries |= any_of(scene, at, lambda m: scene.may(m, field))
+    return carries
+
+
+def radiance(scene: Scene, ray: Ray, limits: Limits) -> Array:
+    """Radiance along rays.
+
+    Args:
+        scene: with unit plane normals, and no gradients (`derivative.py` has those).
+        ray: a wavefront of rays.
+        limits: where the recursion ends.
+
+    Returns:
+        Array3f, linear RGB.
+    """
+    if not reflects(scene):
+        return emitted(scene, ray, surface(scene, ray, closest_hit(scene, ray)))
+
+    def node(ray, weight, depth, result, stack, active):
+        at = surface(scene, ray, closest_hit(scene, ray))
+        result = dr.fma(weight, emitted(scene, ray, at), result)
+        first, *second = children(scene, ray, at, weight, depth, limits)
+        go = choose(first.active, first, second[0]) if second else first
+        if stack.slots:
+            later = second[0]
+            links = pack(Ray(at.p, later.direction, at.hit.index, later.inward), depth + 1)
+            stack = stack.push(first.active & later.active, at.p, later.direction, weight * later.weight, links)
+        ray, weight, active = Ray(at.p, go.direction, at.hit.index, go.inward), weight * go.weight, go.active
+        depth += 1
+        if stack.slots:
+            more = ~active & (stack.size > 0)
+            stack, o, d, weight, links = stack.pop(more, ray.o, ray.d, weight, pack(ray, depth))
+            ray, depth = unpack(o, d, links)
+            active |= more
+        return ray, weight, depth, result, stack, active
+
+    uint, width = type(ray.source), dr.width(ray)
+    one = dr.ones(type(ray.o.x), width)
+    stack = Stack.allocate(
+        limits.max_depth if branches_out(scene) else 0, dr.zeros(uint, width), ray.o, ray.d, one, ray.source
+    )
+    state = ray, one, dr.ones(uint, width), dr.zeros(type(ray.o), width), stack, dr.ones(dr.mask_t(one), width)
+    return dr.while_loop(state, lambda *state: state[-1], node, mode="symbolic", label="radiance")[3]
+
+
+def children(scene: Scene, ray: Ray, at: Surface, weight: Array, depth: Array, limits: Limits) -> list[Branch]:
+    """A node's children, active where they are deep in no further than the limits let them."""
+    branches = scatter(scene, ray, at)
+    for branch in branches:
+        branch.active &= depth < limits.depth
+        if limits.importance is not None:
+            branch.active &= dr.abs(weight * branch.weight) >= limits.importance
+    return branches
+
+
+def choose(condition: Array, a: Branch, b: Branch) -> Branch:
+    """The first branch where the condition holds, else the second."""
+    weight, direction = dr.select(condition, a.weight, b.weight), dr.select(condition, a.direction, b.direction)
+    return Branch(weight, direction, dr.select(condition, a.inward, b.inward), a.active | b.active)
+
+
+def pack(ray: Ray, depth: Array) -> Array:
+    """Where a ray starts, which way it leaves, and its depth, in one integer."""
+    return ray.source | dr.select(ray.inward, type(depth)(1 << 16), 0) | (depth << 17)
+
+
+def unpack(o: Array, d: Array, links: Array) -> tuple[Ray, Array]:
+    return Ray(o, d, links & 0xFFFF, (links & (1 << 16)) != 0), links >> 17
