@@ -32,6 +32,12 @@ class Adjoint:
     value: Array
 
 
+def push_forward(inputs: object) -> None:
+    """Propagate the inputs' tangents to all that depends on them, keeping those of values in between."""
+    dr.enqueue(dr.ADMode.Forward, inputs)
+    dr.traverse(dr.ADMode.Forward, flags=dr.ADFlag.ClearEdges)
+
+
 def radiance_jvp(scene: Scene, tangents: Parameters, ray: Ray, ray_tangent: tuple, limits: Limits) -> tuple[Array, Array]:
     """Radiance along rays and its derivative in one direction of parameter space (forward mode).
 
@@ -48,15 +54,13 @@ def radiance_jvp(scene: Scene, tangents: Parameters, ray: Ray, ray_tangent: tupl
         dr.enable_grad(inputs)
         dr.set_grad(inputs, (*ray_tangent, weight_tangent, dict(tangents)))
         o, d, weight, seeds = inputs
-        moving, there = scene.replace(seeds), Ray(o, d, ray.source, ray.inward)
+        moving, there = scene.carrying(seeds), Ray(o, d, ray.source, ray.inward)
         at = surface(moving, there, closest_hit(scene, still))
         light = weight * emitted(moving, there, at)
         branches = children(moving, there, at, weight, depth, limits)
         for branch in branches:
             branch.weight = branch.weight * weight
-        outputs = light, at.p, [(branch.direction, branch.weight) for branch in branches]
-        dr.enqueue(dr.ADMode.Forward, inputs)
-        dr.traverse(dr.ADMode.Forward)
+        push_forward(inputs)
         result, result_tangent = result + dr.detach(light), result_tangent + dr.grad(light)
         p, p_tangent = dr.detach(at.p), dr.grad(at.p)
         if not branches:
@@ -110,7 +114,7 @@ def radiance_vjp(scene: Scene, sums: Parameters, ray: Ray, limits: Limits, seed:
         """The scene and the ray with fresh gradients."""
         values, o, d = dr.detach(dict(wide)), dr.detach(ray.o), dr.detach(ray.d)
         dr.enable_grad(values, o, d)
-        return scene.replace(values), Ray(o, d, ray.source, ray.inward), values
+        return scene.carrying(values), Ray(o, d, ray.source, ray.inward), values
 
     def descend(value, seed, values, sums):
         """Propagate `seed` from `value` back to the attached values."""

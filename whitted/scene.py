@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import drjit as dr
+import numpy as np
 
 from .camera import Camera
 from .geometry import NONE, Array, Plane, Ray, Sphere, plane_blocks, plane_distance, sphere_blocks, sphere_distance
@@ -101,12 +102,19 @@ class Scene:
         """
         known = self._locations
         _check_names(values.keys(), known)
+        scene = self.carrying({name: _as_parameter(name, value, self._read(known[name])) for name, value in values.items()})
+        nonzero = tuple(sorted({*self.nonzero, *values.keys()}))
+        return replace(scene, nonzero=nonzero)
+
+    def carrying(self, values: Mapping[str, Array]) -> "Scene":
+        """The scene with these arrays for its parameters, unchecked and of any width."""
+        known = self._locations
         fields: dict[tuple[str, int], dict[str, Array]] = {}
         for name, value in values.items():
             kind, position, field = known[name]
-            fields.setdefault((kind, position), {})[field] = _as_parameter(name, value, self._read(known[name]))
+            fields.setdefault((kind, position), {})[field] = value
         groups: dict[str, list] = {}
-        changes: dict[str, object] = {"nonzero": tuple(sorted({*self.nonzero, *values.keys()}))}
+        changes: dict[str, object] = {}
         for (kind, position), new in fields.items():
             if kind in ("background", "ambient"):
                 changes[kind] = new[kind]
@@ -116,9 +124,7 @@ class Scene:
                 group = groups.setdefault(kind, list(getattr(self, kind)))
                 group[position] = replace(group[position], **new)
         changes.update({kind: tuple(group) for kind, group in groups.items()})
-        scene = replace(self, **changes)  # type: ignore[arg-type]
-        scene.__dict__["_locations"] = known
-        return scene
+        return replace(self, **changes)  # type: ignore[arg-type]
 
     @cached_property
     def _locations(self) -> dict[str, tuple[str, int, str]]:
@@ -156,14 +162,18 @@ def _check_names(names: Iterable[str], known: Mapping[str, object]) -> None:
 
 def _as_parameter(name: str, value: object, old: Array) -> Array:
     """The value as an array of the old one's type."""
-    want = "one vector of three numbers" if dr.depth_v(old) == 2 else "one number"
+    want, size = ("one vector of three numbers", 3) if dr.depth_v(old) == 2 else ("one number", 1)
+    if dr.is_jit_v(value):
+        if dr.depth_v(value) != dr.depth_v(old) or dr.width(value) != 1:
+            raise ValueError(f"{name}: expected {want}, got {type(value).__name__} of shape {dr.shape(value)}")
+        return value if type(value) is type(old) else type(old)(value)
     try:
-        new = value if type(value) is type(old) else type(old)(value)
-    except (TypeError, ValueError, RuntimeError):
-        raise ValueError(f"{name}: expected {want}, got {value!r}") from None
-    if dr.width(new) != 1:
-        raise ValueError(f"{name}: expected {want}, got an array of width {dr.width(new)}")
-    return new
+        numbers = np.asarray(value, dtype=np.float64).ravel()
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
+    if numbers.size != size:
+        raise ValueError(f"{name}: expected {want}, got {value!r}")
+    return type(old)(*numbers.tolist())
 
 
 def starts_on(scene: Scene, source: Array, primitive: int) -> Array:

@@ -1,0 +1,1 @@
+"""A differentiable Whitted ray tracer on Dr.Jit's LLVM backend."""

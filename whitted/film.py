@@ -1,0 +1,61 @@
+"""The film: which samples a band of an image has, and in which order they are traced."""
+
+from dataclasses import dataclass
+
+import drjit as dr
+from drjit.llvm import ad
+
+from .camera import View, primary_ray
+from .geometry import Array, Ray
+
+
+@dataclass(frozen=True)
+class Film:
+    """A band of rows of an image. All but the first two are opaque to kernels, so that one serves every image."""
+
+    pixels: int
+    lanes: int  # pixels, rounded up to whole 4 x 4 blocks
+    width: Array  # UInt32
+    rows: Array  # UInt32: rows in this band
+    first_row: Array  # UInt32
+    row_of_blocks: Array  # UInt32: lanes in a row of 4 x 4 blocks
+    size: Array  # Array2f: width and height of the whole image
+    side: Array  # UInt32: samples along a pixel's side
+
+
+def band(resolution: tuple[int, int], first_row: int, rows: int, side: int, real: type) -> Film:
+    """The film of some rows of an image.
+
+    Args:
+        resolution: width and height of the whole image.
+        side: samples along a pixel's side.
+        real: the Dr.Jit type of positions.
+    """
+    width, height = resolution
+    blocks = -(-width // 4)
+    counts = (dr.opaque(ad.UInt32, n) for n in (width, rows, first_row, 16 * blocks))
+    size = (ad.Array2f if real is ad.Float else ad.Array2f64)(dr.opaque(real, width), dr.opaque(real, height))
+    return Film(width * rows, 16 * blocks * -(-rows // 4), *counts, size, dr.opaque(ad.UInt32, side))
+
+
+def pixel(film: Film, index: Array) -> tuple[Array, Array, Array]:
+    """Column and row in the band of a lane's pixel, and whether it is in the band: 4 x 4 pixels share a packet."""
+    # A quotient of doubles is exact, and far cheaper than one of integers
+    row = ad.UInt32(ad.Float64(index) / ad.Float64(film.row_of_blocks))
+    within = index - row * film.row_of_blocks
+    x, y = ((within >> 4) << 2) + (within & 3), (row << 2) + ((within >> 2) & 3)
+    return x, y, (x < film.width) & (y < film.rows)
+
+
+def next_sample(film: Film, i: Array, j: Array) -> tuple[Array, Array]:
+    """The sample after (i, j) on a pixel's grid, row by row; after the last one, j is `side`."""
+    wraps = i + 1 == film.side
+    return dr.select(wraps, 0, i + 1), dr.select(wraps, j + 1, j)
+
+
+def sample_ray(view: View, film: Film, x: Array, y: Array, i: Array, j: Array) -> Ray:
+    """The primary ray of a pixel's sample (i, j), at ((i + 1/2) / side, (j + 1/2) / side) within the pixel."""
+    real = type(film.size.x)
+    u = real(x) + (real(i) + 0.5) / real(film.side)
+    v = real(y + film.first_row) + (real(j) + 0.5) / real(film.side)
+    return primary_ray(view, 2 * u / film.size.x - 1, 1 - 2 * v / film.size.y)
