@@ -14,7 +14,7 @@ from .geometry import NONE, Array, Ray
 class Camera:
     position: Array
     look_at: Array
-    up: Array
+    up: tuple[float, float, float]
     fov: Array  # vertical, in degrees, in (0, 180)
 
 
@@ -31,7 +31,7 @@ class View:
 def view(camera: Camera, aspect: Array) -> View:
     """The camera's basis for an image of the given width / height."""
     forward = dr.normalize(camera.look_at - camera.position)
-    right = dr.normalize(dr.cross(forward, camera.up))
+    right = dr.normalize(dr.cross(forward, type(forward)(*camera.up)))
     half_height = dr.tan(dr.deg2rad(camera.fov) / 2)
     return View(camera.position, forward, right * (half_height * aspect), dr.cross(right, forward) * half_height)
 

@@ -18,7 +18,7 @@ from .camera import View, view
 from .derivative import push_forward, radiance_jvp, radiance_vjp
 from .film import Film, band, next_sample, pixel, sample_ray
 from .geometry import Array
-from .scene import Scene
+from .scene import Scene, Shape
 from .trace import Limits, radiance
 
 MAX_DEPTH = 256
@@ -61,8 +61,9 @@ def render(
         raise ValueError(f"max_depth: expected a whole number from 1 to {MAX_DEPTH}, got {max_depth!r}")
     scene = replace(scene, max_depth=max_depth or scene.max_depth, resolution=_resolution(resolution or scene.resolution))
     _check_memory(scene)
-    job = _Job(scene, side, progress)
-    wrt = {name: value for name, value in scene.parameters().items() if dr.grad_enabled(value)}
+    parameters = scene.parameters()
+    wrt = {name: value for name, value in parameters.items() if dr.grad_enabled(value)}
+    job = _Job(scene, dr.detach(parameters), side, progress)
     return dr.custom(_Render, wrt, job) if wrt else job.image()
 
 
@@ -101,11 +102,18 @@ class _Render(dr.CustomOp):
 
 @dataclass(frozen=True)
 class _Job:
-    """One image to compute."""
+    """One image to compute; its parameters carry no gradients."""
 
     scene: Scene
+    parameters: dict[str, Array]
     side: int
     progress: Callable[[float], None] | None
+
+    @property
+    def limits(self) -> Limits:
+        scene = self.scene
+        importance = dr.opaque(type(scene.camera.fov), scene.min_importance) if scene.min_importance > 0 else None
+        return Limits(scene.max_depth, dr.opaque(ad.UInt32, scene.max_depth), importance)
 
     def bands(self) -> Iterator[tuple[int, int, Film]]:
         """First row, rows, and film of each band."""
@@ -116,19 +124,16 @@ class _Job:
             yield first, count, band((width, height), first, count, self.side, type(self.scene.camera.fov))
 
     def image(self) -> Array:
-        scene = dr.detach(self.scene)
-        return self._assemble(lambda film: _image(scene, film, _depth(scene)))
+        return self._assemble(lambda film: _image(self.scene.shape, self.parameters, film, self.limits))
 
     def tangent(self, wrt: dict, tangents: dict) -> Array:
-        scene = dr.detach(self.scene)
-        return self._assemble(lambda film: _tangent(scene, film, _depth(scene), dict(wrt), dict(tangents)))
+        return self._assemble(lambda film: _tangent(self.scene.shape, self.parameters, film, self.limits, dict(wrt), dict(tangents)))
 
     def adjoint(self, wrt: dict, image: Array) -> dict:
-        width, total = self.scene.resolution[0], None
-        scene = dr.detach(self.scene)
+        total = None
         for first, rows, film in self.bands():
             part = image.array if rows == image.shape[0] else image[first : first + rows].array
-            gradients = _adjoint(scene, film, _depth(scene), dict(wrt), part)
+            gradients = _adjoint(self.scene.shape, self.parameters, film, self.limits, dict(wrt), part)
             total = gradients if total is None else {name: total[name] + gradients[name] for name in total}
         return total
 
@@ -150,11 +155,6 @@ class _Job:
         return tensor(type(self.scene.camera.fov)(buffer), (height, width, 3))
 
 
-def _depth(scene: Scene) -> Limits:
-    importance = dr.opaque(type(scene.camera.fov), scene.min_importance) if scene.min_importance > 0 else None
-    return Limits(scene.max_depth, dr.opaque(ad.UInt32, scene.max_depth), importance)
-
-
 def _prepare(scene: Scene, film: Film) -> tuple[Scene, View]:
     """The scene with unit plane normals, and its camera's basis."""
     planes = tuple(replace(plane, normal=dr.normalize(plane.normal)) for plane in scene.planes)
@@ -164,9 +164,9 @@ def _prepare(scene: Scene, film: Film) -> tuple[Scene, View]:
 
 
 @dr.freeze(warn_after=1 << 30)
-def _image(scene: Scene, film: Film, limits: Limits) -> Array:
+def _image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> Array:
     """A band's pixels: row-major, RGB interleaved."""
-    scene, camera = _prepare(scene, film)
+    scene, camera = _prepare(shape.filled(parameters), film)
     x, y, valid = pixel(film, dr.arange(ad.UInt32, film.lanes))
 
     def sample(i, j, total, active):
@@ -188,12 +188,12 @@ def _develop(film: Film, total: Array, x: Array, y: Array, valid: Array) -> Arra
 
 
 @dr.freeze(warn_after=1 << 30)
-def _tangent(scene: Scene, film: Film, limits: Limits, wrt: dict, tangents: dict) -> Array:
+def _tangent(shape: Shape, parameters: dict, film: Film, limits: Limits, wrt: dict, tangents: dict) -> Array:
     """A band's pixels, differentiated in one direction of parameter space."""
     wrt = dr.detach(wrt)
     dr.enable_grad(wrt)
     dr.set_grad(wrt, tangents)
-    prepared, camera = _prepare(scene.carrying(wrt), film)
+    prepared, camera = _prepare(shape.filled(parameters | wrt), film)
     names = [name for name in wrt if not name.startswith("camera.")]
     push_forward(wrt)
     slopes = {name: dr.grad(prepared.parameters(name)[name]) for name in names}
@@ -217,11 +217,11 @@ def _tangent(scene: Scene, film: Film, limits: Limits, wrt: dict, tangents: dict
 
 
 @dr.freeze(warn_after=1 << 30)
-def _adjoint(scene: Scene, film: Film, limits: Limits, wrt: dict, image: Array) -> dict:
+def _adjoint(shape: Shape, parameters: dict, film: Film, limits: Limits, wrt: dict, image: Array) -> dict:
     """Derivatives of dot(image, pixels) by the parameters, over a band."""
     wrt = dr.detach(wrt)
     dr.enable_grad(wrt)
-    prepared, camera = _prepare(scene.carrying(wrt), film)
+    prepared, camera = _prepare(shape.filled(parameters | wrt), film)
     names = [name for name in wrt if not name.startswith("camera.")]
     inputs = prepared.parameters(*names) if names else {}
     if len(names) < len(wrt):

@@ -19,8 +19,8 @@ from .geometry import NONE, Array, Plane, Ray, Sphere, plane_blocks, plane_dista
 
 @dataclass(frozen=True)
 class Checker:
-    color: Array
-    size: Array
+    color: tuple[float, float, float]
+    size: float
 
 
 @dataclass(frozen=True)
@@ -80,14 +80,15 @@ class Scene:
     twins: tuple[tuple[int, int], ...]  # pairs of primitives that coincide in the file
 
     def parameters(self, *names: str) -> dict[str, Array]:
-        """The parameters of these names, or all: scalars of width 1, vectors `Array3f` of width 1.
+        """Copies of the parameters of these names, or of all: scalars of width 1, vectors `Array3f` of width 1.
 
         Raises:
             KeyError: a name that the scene does not have; the message lists the nearest ones.
         """
         known = self._locations
         _check_names(names, known)
-        return {name: self._read(known[name]) for name in names or known}
+        values = {name: self._read(known[name]) for name in names or known}
+        return {name: type(value)(value) for name, value in values.items()}
 
     def replace(self, values: Mapping[str, Array]) -> "Scene":
         """A new scene with these parameters, differentiable in what was replaced.
@@ -144,6 +145,11 @@ class Scene:
             return group
         return getattr(group if kind == "camera" else group[position], field)
 
+    @cached_property
+    def shape(self) -> "Shape":
+        """The scene without its arrays."""
+        return Shape(self)
+
     def may(self, material: Material, field: str) -> bool:
         """Whether a material's weight can be other than 0, and so is worth compiling."""
         return f"materials.{material.name}.{field}" in self.nonzero
@@ -151,6 +157,29 @@ class Scene:
     def material_of(self, primitive: int) -> str:
         spheres = len(self.spheres)
         return self.spheres[primitive].material if primitive < spheres else self.planes[primitive - spheres].material
+
+
+class Shape:
+    """All of a scene that its kernels are compiled for, and nothing that they read: hashable, and not an array."""
+
+    def __init__(self, scene: Scene) -> None:
+        objects = [(x.name, x.material) for x in (*scene.spheres, *scene.planes)]
+        kinds = [(m.name, m.fresnel, m.checker) for m in scene.materials]
+        lights = [(light.name, light.inverse_square) for light in scene.lights]
+        wide = tuple(sphere.wide for sphere in scene.spheres)
+        camera = scene.camera.up, type(scene.background)
+        self.key = tuple(objects), tuple(kinds), tuple(lights), wide, camera, scene.nonzero, scene.twins
+        self.scene = scene
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Shape) and self.key == other.key
+
+    def filled(self, parameters: Mapping[str, Array]) -> Scene:
+        """A scene of this shape with these parameters, which must be all of them."""
+        return self.scene.carrying(parameters)
 
 
 def _check_names(names: Iterable[str], known: Mapping[str, object]) -> None:

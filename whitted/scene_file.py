@@ -308,12 +308,12 @@ def _build(data: _Scene, precision: str) -> Scene:
 
     def material(name: str, m: _Material) -> Material:
         numbers = (scalar(x) for x in (m.specular, m.shininess, m.reflection, m.refraction, m.ior))
-        checker = m.checker and Checker(array(m.checker.color), scalar(m.checker.size))
+        checker = m.checker and Checker(tuple(m.checker.color), m.checker.size)
         return Material(name, array(m.color), *numbers, m.fresnel, checker)
 
     camera, eye = data.camera, np.array(data.camera.position)
     return Scene(
-        camera=Camera(array(camera.position), array(camera.look_at), array(camera.up), scalar(camera.fov)),
+        camera=Camera(array(camera.position), array(camera.look_at), tuple(camera.up), scalar(camera.fov)),
         resolution=camera.resolution,
         spheres=tuple(
             Sphere(s.name or f"sphere{i}", s.material, array(s.center), scalar(s.radius), precision == "single" and _wide(s, eye))

@@ -89,11 +89,11 @@ def albedo(scene: Scene, at: Surface) -> Array:
         checker = materials[plane.material].checker
         if checker is not None:
             odd = _odd_cell(dr.detach(at.p), dr.detach(plane.normal), checker.size)
-            color = dr.select((at.hit.index == k) & odd, checker.color, color)
+            color = dr.select((at.hit.index == k) & odd, type(color)(*checker.color), color)
     return color
 
 
-def _odd_cell(p: Array, normal: Array, size: Array) -> Array:
+def _odd_cell(p: Array, normal: Array, size: float) -> Array:
     """Parity of floor(u / size) + floor(v / size), u and v the coordinates off the normal's largest axis."""
     size_x, size_y, size_z = abs(normal.x), abs(normal.y), abs(normal.z)
     drop_x = (size_x >= size_y) & (size_x >= size_z)
