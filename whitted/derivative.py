@@ -18,18 +18,9 @@ from .scene import Hit, Scene, closest_hit
 from .shading import emitted
 from .stack import Stack
 from .surface import surface
-from .trace import Branch, Limits, branches_out, children, choose, pack, reflects, scatter, unpack
+from .trace import Branch, Limits, allocate, children, go_on, pack, reflects, scatter, start, unpack
 
 Parameters = Mapping[str, Array]
-
-
-@dataclass
-class Adjoint:
-    """What a traced ray returns to its parent: derivatives by its origin and direction, and its adjoint-weighted light."""
-
-    o: Array
-    d: Array
-    value: Array
 
 
 def push_forward(inputs: object) -> None:
@@ -38,145 +29,166 @@ def push_forward(inputs: object) -> None:
     dr.traverse(dr.ADMode.Forward, flags=dr.ADFlag.ClearEdges)
 
 
-def radiance_jvp(scene: Scene, tangents: Parameters, ray: Ray, ray_tangent: tuple, limits: Limits) -> tuple[Array, Array]:
-    """Radiance along rays and its derivative in one direction of parameter space (forward mode).
+def pull_back(output: Array, adjoint: Array) -> None:
+    """Propagate an output's adjoint to all that it depends on."""
+    dr.set_grad(output, adjoint)
+    dr.enqueue(dr.ADMode.Backward, output)
+    dr.traverse(dr.ADMode.Backward)
+
+
+def radiance_jvp(scene: Scene, tangents: Parameters, ray: Ray, o_slope: Array, d_slope: Array, limits: Limits) -> Array:
+    """The derivative of radiance along rays, in one direction of parameter space (forward mode).
 
     Args:
-        scene: with unit plane normals.
+        scene: with unit plane normals, and no gradients.
         tangents: parameter name to tangent, of width 1; other parameters stand still.
-        ray_tangent: tangents of the rays' origins and directions.
-    """
-    uint, mask, width = type(ray.source), dr.mask_t(ray.o.x), dr.width(ray)
-
-    def node(ray, ray_tangent, weight, weight_tangent, depth, result, result_tangent, stack, active):
-        still, seeds = Ray(ray.o, ray.d, ray.source, ray.inward), {name: scene.parameters(name)[name] for name in tangents}
-        inputs = dr.detach((ray.o, ray.d, weight, seeds))
-        dr.enable_grad(inputs)
-        dr.set_grad(inputs, (*ray_tangent, weight_tangent, dict(tangents)))
-        o, d, weight, seeds = inputs
-        moving, there = scene.carrying(seeds), Ray(o, d, ray.source, ray.inward)
-        at = surface(moving, there, closest_hit(scene, still))
-        light = weight * emitted(moving, there, at)
-        branches = children(moving, there, at, weight, depth, limits)
-        for branch in branches:
-            branch.weight = branch.weight * weight
-        push_forward(inputs)
-        result, result_tangent = result + dr.detach(light), result_tangent + dr.grad(light)
-        p, p_tangent = dr.detach(at.p), dr.grad(at.p)
-        if not branches:
-            return ray, ray_tangent, weight, weight_tangent, depth, result, result_tangent, stack, mask(False)
-        plain = [dr.detach(b) for b in branches]
-        slope = [Branch(dr.grad(b.weight), dr.grad(b.direction), b.inward, b.active) for b in branches]
-        first = plain[0].active
-        go, go_slope = (choose(first, *plain), choose(first, *slope)) if len(plain) == 2 else (plain[0], slope[0])
-        if stack.slots:
-            later, later_slope = plain[1], slope[1]
-            links = pack(Ray(p, later.direction, at.hit.index, later.inward), depth + 1)
-            parts = p, later.direction, p_tangent, later_slope.direction, later.weight, later_slope.weight, links
-            stack = stack.push(first & later.active, *parts)
-        ray, ray_tangent = Ray(p, go.direction, at.hit.index, go.inward), (p_tangent, go_slope.direction)
-        weight, weight_tangent, active = go.weight, go_slope.weight, go.active
-        depth += 1
-        if stack.slots:
-            more = ~active & (stack.size > 0)
-            parts = ray.o, ray.d, *ray_tangent, weight, weight_tangent, pack(ray, depth)
-            stack, o, d, o_tangent, d_tangent, weight, weight_tangent, links = stack.pop(more, *parts)
-            ray, depth = unpack(o, d, links)
-            ray_tangent = o_tangent, d_tangent
-            active |= more
-        return ray, ray_tangent, weight, weight_tangent, depth, result, result_tangent, stack, active
-
-    real = type(ray.o.x)
-    one, none, dark = dr.ones(real, width), dr.zeros(real, width), dr.zeros(type(ray.o), width)
-    parts = ray.o, ray.d, ray.o, ray.d, one, one, ray.source
-    stack = Stack.allocate(limits.max_depth if branches_out(scene) else 0, dr.zeros(uint, width), *parts)
-    state = ray, ray_tangent, one, none, dr.ones(uint, width), dark, dark, stack, dr.ones(mask, width)
-    if not reflects(scene):
-        return node(*state)[5:7]
-    return dr.while_loop(state, lambda *state: state[-1], node, mode="symbolic", label="radiance_jvp")[5:7]
-
-
-def radiance_vjp(scene: Scene, sums: Parameters, ray: Ray, limits: Limits, seed: Array, wide: Parameters) -> tuple:
-    """Derivatives of dot(seed, radiance) (reverse mode).
-
-    Args:
-        scene: with unit plane normals.
-        sums: parameter name to the derivatives so far, as wide as the wavefront; theirs are added.
-        seed: Array3f, the adjoint of the radiance.
-        wide: parameter name to value, as wide as the wavefront, which keeps each lane's derivative in its lane.
+        o_slope, d_slope: tangents of the rays' origins and directions.
 
     Returns:
-        The sums, and the derivatives by the rays' origins and directions.
+        Array3f, the tangent of `trace.radiance`.
     """
-    real, uint, width = type(ray.o.x), type(ray.source), dr.width(ray)
 
-    def attached(ray):
-        """The scene and the ray with fresh gradients."""
-        values, o, d = dr.detach(dict(wide)), dr.detach(ray.o), dr.detach(ray.d)
-        dr.enable_grad(values, o, d)
-        return scene.carrying(values), Ray(o, d, ray.source, ray.inward), values
-
-    def descend(value, seed, values, sums):
-        """Propagate `seed` from `value` back to the attached values."""
-        dr.set_grad(value, seed)
-        dr.enqueue(dr.ADMode.Backward, value)
-        dr.traverse(dr.ADMode.Backward)
-        return {name: sums[name] + dr.grad(values[name]) for name in sums}
-
-    def arrive(ray, weight, back, stack, sums):
-        """Trace a ray: differentiate the light of its surface, then go on with its first child."""
-        hit = closest_hit(scene, ray)
-        moving, there, values = attached(ray)
-        at = surface(moving, there, hit)
-        branches = dr.detach(children(moving, there, at, weight, stack.size + 1, limits))
-        value = dr.dot(seed, emitted(moving, there, at))
-        sums = descend(value, weight, values, sums)
-        back = Adjoint(dr.grad(there.o), dr.grad(there.d), dr.detach(value))
+    def node(path, slope, result, stack, active):
+        o, d, weight, links = path
+        still, depth = unpack(o, d, links)
+        inputs = dr.detach((o, d, weight, scene.parameters(*tangents) if tangents else {}))
+        dr.enable_grad(inputs)
+        dr.set_grad(inputs, (*slope, dict(tangents)))
+        o, d, weight, values = inputs
+        moving, ray = scene.carrying(values), Ray(o, d, still.source, still.inward)
+        at = surface(moving, ray, closest_hit(scene, still))
+        light = weight * emitted(moving, ray, at)
+        branches = children(moving, ray, at, weight, depth, limits)
+        rays = [(at.p, branch.direction, weight * branch.weight) for branch in branches]
+        push_forward(inputs)
+        result += dr.grad(light)
         if not branches:
-            return ray, weight, back, stack, sums, dr.mask_t(weight)(False)
-        first, *second = branches
-        go = choose(first.active, first, second[0]) if second else first
-        pending = first.active & second[0].active if second else dr.mask_t(weight)(False)
-        links = hit.index | flag(hit.inside, 16) | flag(first.active, 17) | flag(pending, 18)
-        stack = stack.push(go.active, ray.o, ray.d, back.o, back.d, hit.t, weight, back.value, links)
-        return Ray(dr.detach(at.p), go.direction, hit.index, go.inward), weight * go.weight, back, stack, sums, go.active
+            return path, slope, result, stack, dr.mask_t(active)(False)
+        links = [pack(at.hit.index, branch.inward, depth + 1) for branch in branches]
+        paths = [(*dr.detach(r), link, *(dr.grad(x) for x in r)) for r, link in zip(rays, links, strict=True)]
+        stack, active, path = go_on(stack, [branch.active for branch in branches], paths)
+        return path[:4], path[4:], result, stack, active
 
-    def flag(mask, bit):
-        return dr.select(mask, uint(1 << bit), 0)
+    width = dr.width(ray)
+    path = (*start(ray), pack(ray.source, ray.inward, dr.ones(type(ray.source), width)))
+    dark = dr.zeros(type(ray.o), width)
+    slope = o_slope + dark, d_slope + dark, dr.zeros(type(ray.o.x), width)
+    state = path, slope, dark, allocate(scene, limits, (*path, *slope)), dr.ones(type(ray.inward), width)
+    if not reflects(scene):
+        return node(*state)[2]
+    return dr.while_loop(state, lambda *state: state[-1], node, mode="symbolic", label="radiance_jvp")[2]
 
-    def come_back(ray, weight, back, stack, sums, tracing):
+
+@dataclass
+class Adjoint:
+    """What a traced ray returns to its parent (not frozen: Dr.Jit's loops write to their state)."""
+
+    o: Array  # derivative by its origin
+    d: Array  # and by its direction
+    value: Array  # dot(seed, radiance), before the weight of its chain
+
+
+def radiance_vjp(scene: Scene, sums: Parameters, wide: Parameters, ray: Ray, seed: Array, limits: Limits) -> tuple:
+    """The derivatives of dot(seed, radiance) along rays (reverse mode).
+
+    Args:
+        scene: with unit plane normals, and no gradients.
+        sums: parameter name to derivatives so far, as wide as the wavefront.
+        wide: parameter name to value, as wide as the wavefront, which keeps each lane's derivative in its lane.
+        seed: Array3f, the adjoint of `trace.radiance`.
+
+    Returns:
+        The sums with these rays' derivatives added, and the derivatives by the rays' origins and directions.
+    """
+    tree = _Tree(scene, wide, seed, limits)
+
+    def step(ray, weight, back, stack, sums, tracing):
+        state = ray, weight, back, stack, sums
+        state = dr.if_stmt(state, tracing, tree.arrive, lambda *state: (*state, dr.zeros(type(tracing), dr.width(weight))))
+        if not reflects(scene):
+            return state
+        returning = ~state[-1] & (state[3].size > 0)
+        return dr.if_stmt(state, returning, tree.come_back, lambda *state: state)
+
+    width = dr.width(ray)
+    o, d, weight = start(ray)
+    nothing, zero, uint = dr.zeros(type(o), width), dr.zeros(type(weight), width), type(ray.source)
+    parts = o, d, o, d, zero, zero, zero, uint(0)
+    stack = Stack.allocate(limits.max_depth if reflects(scene) else 0, dr.zeros(uint, width), *parts)
+    ray, back = Ray(o, d, ray.source, ray.inward), Adjoint(nothing, nothing, zero)
+    state = ray, weight, back, stack, dict(sums), dr.ones(type(ray.inward), width)
+    state = dr.while_loop(state, lambda *s: s[-1] | (s[3].size > 0), step, mode="symbolic", label="radiance_vjp")
+    return state[4], state[2].o, state[2].d
+
+
+@dataclass(frozen=True)
+class _Tree:
+    """The two steps of a walk through a tree of rays in reverse mode.
+
+    The stack holds the nodes between the camera and the ray that is being traced: ray, derivatives by it so far,
+    distance, weight, light so far, and in one integer the primitive and what became of the node's children.
+    """
+
+    scene: Scene
+    wide: Parameters
+    seed: Array
+    limits: Limits
+
+    def attached(self, ray: Ray) -> tuple[Scene, Ray, dict[str, Array]]:
+        """The scene, the ray and the parameters with fresh gradients."""
+        values, o, d = dr.detach(dict(self.wide)), dr.detach(ray.o), dr.detach(ray.d)
+        dr.enable_grad(values, o, d)
+        return self.scene.carrying(values), Ray(o, d, ray.source, ray.inward), values
+
+    def arrive(self, ray, weight, back, stack, sums):
+        """Trace a ray: differentiate the light of its surface, then go on with its first child."""
+        hit = closest_hit(self.scene, ray)
+        moving, there, values = self.attached(ray)
+        at = surface(moving, there, hit)
+        branches = dr.detach(children(moving, there, at, weight, stack.size + 1, self.limits))
+        light = dr.dot(self.seed, emitted(moving, there, at))
+        pull_back(light, weight)
+        sums = _added(sums, values)
+        back = Adjoint(dr.grad(there.o), dr.grad(there.d), dr.detach(light))
+        if not branches:
+            return ray, weight, back, stack, sums, dr.zeros(type(ray.inward), dr.width(weight))
+        child, first, both = branches[0], branches[0].active, type(ray.inward)(False)
+        if len(branches) == 2:
+            child, both = choose(first, *branches), first & branches[1].active
+        links = hit.index | _bit(hit.inside, 16) | _bit(first, 17) | _bit(both, 18)
+        stack = stack.push(child.active, ray.o, ray.d, back.o, back.d, hit.t, weight, back.value, links)
+        ray = Ray(dr.detach(at.p), child.direction, hit.index, child.inward)
+        return ray, weight * child.weight, back, stack, sums, child.active
+
+    def come_back(self, ray, weight, back, stack, sums, tracing):
         """Take a child's adjoints through its parent, then go on with the second child or return further."""
-        zero = dr.zeros(real, width), dr.zeros(uint, width)
-        here = dr.mask_t(weight)(True)
-        stack, o, d, o_adjoint, d_adjoint, t, weight, value, links = stack.pop(here, ray.o, ray.d, ray.o, ray.d, *3 * zero[:1], zero[1])
-        index, inside, first, pending = links & 0xFFFF, *((links & (1 << bit)) != 0 for bit in (16, 17, 18))
-        moving, there, values = attached(Ray(o, d, index, inside))
+        parts = ray.o, ray.d, ray.o, ray.d, weight, weight, weight, ray.source
+        stack, o, d, o_adjoint, d_adjoint, t, weight, value, links = stack.pop(type(tracing)(True), *parts)
+        index, (inside, first, both) = links & 0xFFFF, ((links & (1 << bit)) != 0 for bit in (16, 17, 18))
+        moving, there, values = self.attached(Ray(o, d, index, inside))
         at = surface(moving, there, Hit(t, index, inside))
         branches = scatter(moving, there, at)
         child = choose(first, *branches) if len(branches) == 2 else branches[0]
-        total = dr.dot(at.p, back.o) + dr.dot(child.direction, back.d) + child.weight * (weight * back.value)
-        sums = descend(total, real(1), values, sums)
+        pull_back(dr.dot(at.p, back.o) + dr.dot(child.direction, back.d) + child.weight * (weight * back.value), dr.ones(type(t)))
+        sums = _added(sums, values)
         value += dr.detach(child.weight) * back.value
         back = Adjoint(o_adjoint + dr.grad(there.o), d_adjoint + dr.grad(there.d), value)
         if len(branches) == 2:
             second = dr.detach(branches[1])
-            links = index | flag(inside, 16)
-            stack = stack.push(pending, o, d, back.o, back.d, t, weight, value, links)
+            stack = stack.push(both, o, d, back.o, back.d, t, weight, value, index | _bit(inside, 16))
             ray, weight = Ray(dr.detach(at.p), second.direction, index, second.inward), weight * second.weight
-        return ray, weight, back, stack, sums, pending
+        return ray, weight, back, stack, sums, both
 
-    def step(ray, weight, back, stack, sums, tracing):
-        state = ray, weight, back, stack, sums
-        state = dr.if_stmt(state, tracing, arrive, lambda *state: (*state, dr.mask_t(weight)(False)))
-        if not reflects(scene):
-            return state
-        returning = ~state[-1] & (state[3].size > 0)
-        return dr.if_stmt(state, returning, come_back, lambda *state: state)
 
-    zero, none = dr.zeros(real, width), dr.zeros(type(ray.o), width)
-    parts = ray.o, ray.d, ray.o, ray.d, zero, zero, zero, ray.source
-    stack = Stack.allocate(limits.max_depth if reflects(scene) else 0, dr.zeros(uint, width), *parts)
-    state = ray, dr.ones(real, width), Adjoint(none, none, zero), stack, dict(sums), dr.ones(dr.mask_t(zero), width)
-    going = lambda ray, weight, back, stack, sums, tracing: tracing | (stack.size > 0)  # noqa: E731
-    state = dr.while_loop(state, going, step, mode="symbolic", label="radiance_vjp")
-    return state[4], state[2].o, state[2].d
+def choose(condition: Array, a: Branch, b: Branch) -> Branch:
+    """The first branch where the condition holds, else the second; active where either is."""
+    weight, direction = dr.select(condition, a.weight, b.weight), dr.select(condition, a.direction, b.direction)
+    return Branch(weight, direction, dr.select(condition, a.inward, b.inward), a.active | b.active)
+
+
+def _added(sums: Parameters, values: Parameters) -> dict[str, Array]:
+    return {name: sums[name] + dr.grad(values[name]) for name in sums}
+
+
+def _bit(mask: Array, position: int) -> Array:
+    return dr.select(mask, dr.uint32_array_t(mask)(1 << position), 0)

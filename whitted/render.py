@@ -1,8 +1,7 @@
-"""From a scene to an image: every sample of every pixel, and the derivatives of all of it.
+"""From a scene to an image, as one differentiable operation.
 
-`render` is one differentiable operation: the image comes from a plain kernel, and its derivatives from kernels that
-trace again with gradients (`derivative.py`), so that nothing of the trees of rays is stored in between. Each runs in
-a frozen function, which skips tracing the Python code when a scene of the same shape is rendered again.
+The image comes from a plain kernel, and its derivatives from kernels that trace again with gradients, so that nothing
+of the trees of rays is stored in between. Large images are rendered a band of rows at a time.
 """
 
 import math
@@ -14,18 +13,14 @@ import drjit as dr
 import numpy as np
 from drjit.llvm import ad
 
-from .camera import View, view
-from .derivative import push_forward, radiance_jvp, radiance_vjp
-from .film import Film, band, next_sample, pixel, sample_ray
+from . import wavefront
+from .film import Film, band
 from .geometry import Array
-from .scene import Scene, Shape
-from .trace import Limits, radiance
+from .scene import MAX_DEPTH, Scene
+from .trace import Limits
 
-MAX_DEPTH = 256
 # Samples in a band: enough to keep all cores busy, few enough to report progress and to stop between two of them
 BAND = 1 << 22
-# Lanes of the reverse kernel: each takes many pixels, so that little is left to sum
-REVERSE_LANES = 1 << 14
 
 
 def render(
@@ -124,146 +119,35 @@ class _Job:
             yield first, count, band((width, height), first, count, self.side, type(self.scene.camera.fov))
 
     def image(self) -> Array:
-        return self._assemble(lambda film: _image(self.scene.shape, self.parameters, film, self.limits))
+        return self._assemble(lambda film: wavefront.image(*self._inputs(film)))
 
     def tangent(self, wrt: dict, tangents: dict) -> Array:
-        return self._assemble(lambda film: _tangent(self.scene.shape, self.parameters, film, self.limits, dict(wrt), dict(tangents)))
+        return self._assemble(lambda film: wavefront.image_jvp(*self._inputs(film), dict(wrt), dict(tangents)))
 
     def adjoint(self, wrt: dict, image: Array) -> dict:
-        total = None
+        total: dict | None = None
         for first, rows, film in self.bands():
             part = image.array if rows == image.shape[0] else image[first : first + rows].array
-            gradients = _adjoint(self.scene.shape, self.parameters, film, self.limits, dict(wrt), part)
+            gradients = wavefront.image_vjp(*self._inputs(film), dict(wrt), part)
             total = gradients if total is None else {name: total[name] + gradients[name] for name in total}
-        return total
+        return total or {}
+
+    def _inputs(self, film: Film) -> tuple:
+        return self.scene.shape, self.parameters, film, self.limits
 
     def _assemble(self, kernel: Callable[[Film], Array]) -> Array:
         """The bands' pixels as one tensor."""
         width, height = self.scene.resolution
-        tensor = ad.TensorXf if type(self.scene.camera.fov) is ad.Float else ad.TensorXf64
-        buffer = None
+        single = type(self.scene.camera.fov) is ad.Float
+        whole = None
         for first, rows, film in self.bands():
             pixels = kernel(film)
-            if rows == height:
-                buffer = pixels
+            if rows < height:
+                whole = np.empty(height * width * 3, np.float32 if single else np.float64) if first == 0 else whole
+                whole[first * width * 3 : (first + rows) * width * 3] = pixels.numpy()
             else:
-                buffer = np.empty(height * width * 3, dtype=np.float32 if tensor is ad.TensorXf else np.float64) if buffer is None else buffer
-                buffer[first * width * 3 : (first + rows) * width * 3] = pixels.numpy()
+                whole = pixels
             if self.progress is not None:
                 dr.sync_thread()
                 self.progress((first + rows) / height)
-        return tensor(type(self.scene.camera.fov)(buffer), (height, width, 3))
-
-
-def _prepare(scene: Scene, film: Film) -> tuple[Scene, View]:
-    """The scene with unit plane normals, and its camera's basis."""
-    planes = tuple(replace(plane, normal=dr.normalize(plane.normal)) for plane in scene.planes)
-    prepared = replace(scene, planes=planes), view(scene.camera, film.size.x / film.size.y)
-    dr.eval(prepared)
-    return prepared
-
-
-@dr.freeze(warn_after=1 << 30)
-def _image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> Array:
-    """A band's pixels: row-major, RGB interleaved."""
-    scene, camera = _prepare(shape.filled(parameters), film)
-    x, y, valid = pixel(film, dr.arange(ad.UInt32, film.lanes))
-
-    def sample(i, j, total, active):
-        total += radiance(scene, sample_ray(camera, film, x, y, i, j), limits)
-        i, j = next_sample(film, i, j)
-        return i, j, total, active & (j < film.side)
-
-    zero = dr.zeros(ad.UInt32, film.lanes)
-    state = zero, zero, dr.zeros(type(scene.background), film.lanes), valid
-    total = dr.while_loop(state, lambda *state: state[-1], sample, mode="symbolic", label="samples")[2]
-    return _develop(film, total, x, y, valid)
-
-
-def _develop(film: Film, total: Array, x: Array, y: Array, valid: Array) -> Array:
-    real = type(film.size.x)
-    image = dr.zeros(real, film.pixels * 3)
-    dr.scatter(image, total / real(film.side * film.side), y * film.width + x, valid)
-    return image
-
-
-@dr.freeze(warn_after=1 << 30)
-def _tangent(shape: Shape, parameters: dict, film: Film, limits: Limits, wrt: dict, tangents: dict) -> Array:
-    """A band's pixels, differentiated in one direction of parameter space."""
-    wrt = dr.detach(wrt)
-    dr.enable_grad(wrt)
-    dr.set_grad(wrt, tangents)
-    prepared, camera = _prepare(shape.filled(parameters | wrt), film)
-    names = [name for name in wrt if not name.startswith("camera.")]
-    push_forward(wrt)
-    slopes = {name: dr.grad(prepared.parameters(name)[name]) for name in names}
-    camera_slope, camera, scene = dr.grad(camera), dr.detach(camera), dr.detach(prepared)
-    x, y, valid = pixel(film, dr.arange(ad.UInt32, film.lanes))
-
-    def sample(i, j, total, active):
-        moving = dr.detach(camera)
-        dr.enable_grad(moving)
-        dr.set_grad(moving, camera_slope)
-        ray = sample_ray(moving, film, x, y, i, j)
-        push_forward(moving)
-        total += radiance_jvp(scene, slopes, dr.detach(ray), (dr.grad(ray.o), dr.grad(ray.d)), limits)[1]
-        i, j = next_sample(film, i, j)
-        return i, j, total, active & (j < film.side)
-
-    zero = dr.zeros(ad.UInt32, film.lanes)
-    state = zero, zero, dr.zeros(type(scene.background), film.lanes), valid
-    total = dr.while_loop(state, lambda *state: state[-1], sample, mode="symbolic", label="samples")[2]
-    return _develop(film, total, x, y, valid)
-
-
-@dr.freeze(warn_after=1 << 30)
-def _adjoint(shape: Shape, parameters: dict, film: Film, limits: Limits, wrt: dict, image: Array) -> dict:
-    """Derivatives of dot(image, pixels) by the parameters, over a band."""
-    wrt = dr.detach(wrt)
-    dr.enable_grad(wrt)
-    prepared, camera = _prepare(shape.filled(parameters | wrt), film)
-    names = [name for name in wrt if not name.startswith("camera.")]
-    inputs = prepared.parameters(*names) if names else {}
-    if len(names) < len(wrt):
-        inputs = inputs | vars(camera)
-    gradients = _sums(dr.detach(prepared), dr.detach(camera), film, limits, dr.detach(inputs), image)
-    for name, value in inputs.items():
-        dr.set_grad(value, gradients[name])
-        dr.enqueue(dr.ADMode.Backward, value)
-    dr.traverse(dr.ADMode.Backward)
-    return dr.grad(wrt)
-
-
-def _sums(scene: Scene, camera: View, film: Film, limits: Limits, inputs: dict, image: Array) -> dict:
-    """Derivatives of dot(image, pixels) by the prepared parameters."""
-    real = type(film.size.x)
-    lanes = min(film.lanes, REVERSE_LANES)
-    lane = dr.arange(ad.UInt32, lanes)
-    # Adding a zero that the compiler cannot see keeps the derivatives of each lane apart
-    nothing = real(lane >> 31)
-    wide = {name: value + nothing for name, value in inputs.items()}
-    of_camera = {name: wide.pop(name) for name in vars(camera) if name in wide}
-
-    def sample(index, i, j, sums, active):
-        x, y, valid = pixel(film, index)
-        seed = dr.gather(type(scene.background), image, y * film.width + x, valid) / real(film.side * film.side)
-        basis = dr.detach(of_camera)
-        dr.enable_grad(basis)
-        ray = sample_ray(View(**basis) if basis else camera, film, x, y, i, j)
-        still = dr.detach(ray)
-        inner, o, d = radiance_vjp(scene, {n: sums[n] for n in wide}, still, limits, seed, wide)
-        sums = sums | inner
-        if basis:
-            total = dr.dot(ray.o, o) + dr.dot(ray.d, d)
-            dr.backward_from(total)
-            sums = sums | {name: sums[name] + dr.grad(basis[name]) for name in basis}
-        i, j = next_sample(film, i, j)
-        done = j == film.side
-        return dr.select(done, index + lanes, index), i, dr.select(done, 0, j), sums, active & (index < film.lanes)
-
-    zero = dr.zeros(ad.UInt32, lanes)
-    sums = {name: dr.zeros(type(value), lanes) for name, value in (wide | of_camera).items()}
-    state = lane, zero, zero, sums, dr.ones(ad.Bool, lanes)
-    sums = dr.while_loop(state, lambda *state: state[-1], sample, mode="symbolic", label="samples")[3]
-    dr.eval(sums)
-    return {name: dr.sum(value, axis=None) if dr.depth_v(value) == 1 else type(value)(*(dr.sum(x) for x in value)) for name, value in sums.items()}
+        return (ad.TensorXf if single else ad.TensorXf64)((ad.Float if single else ad.Float64)(whole), (height, width, 3))

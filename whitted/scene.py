@@ -16,6 +16,10 @@ import numpy as np
 from .camera import Camera
 from .geometry import NONE, Array, Plane, Ray, Sphere, plane_blocks, plane_distance, sphere_blocks, sphere_distance
 
+# Nodes on a chain of rays, and primitives and lights in a scene, that a kernel is compiled for
+MAX_DEPTH = 256
+MAX_OBJECTS = 1000
+
 
 @dataclass(frozen=True)
 class Checker:

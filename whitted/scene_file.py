@@ -15,7 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, StrictBool, Validat
 
 from .camera import Camera
 from .geometry import Plane, Sphere
-from .scene import Checker, Material, PointLight, Scene
+from .scene import MAX_DEPTH, MAX_OBJECTS, Checker, Material, PointLight, Scene
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -24,8 +24,6 @@ else:
 
 # Squares of all lengths, and their reciprocals, fit single precision
 LARGEST = 1e18
-MAX_DEPTH = 256
-MAX_PRIMITIVES = 1000
 
 
 class SceneError(ValueError):
@@ -233,8 +231,8 @@ def _cross_problems(raw: dict[str, Any]) -> list[str]:
             elif group == "spheres" and isinstance(material, str) and "checker" in _as_dict(materials[material]):
                 problems.append(f"{group}[{i}].material = {_shorten(material)}: has a checker, which only planes can show")
     count = sum(len(raw[group]) for group in ("spheres", "planes", "lights") if isinstance(raw.get(group), list))
-    if count > MAX_PRIMITIVES:
-        problems = [f"{count} spheres, planes and lights: expected at most {MAX_PRIMITIVES}"]
+    if count > MAX_OBJECTS:
+        problems = [f"{count} spheres, planes and lights: expected at most {MAX_OBJECTS}"]
     return problems + _geometry_problems(raw)
 
 

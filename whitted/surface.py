@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import drjit as dr
 
-from .geometry import NONE, Array, Ray, level
-from .scene import Hit, Scene, starts_on
+from .geometry import NONE, Array, Ray, Sphere, level
+from .scene import Hit, Material, Scene, starts_on
 
 
 @dataclass(frozen=True)
@@ -102,14 +102,16 @@ def _odd_cell(p: Array, normal: Array, size: float) -> Array:
     return cells - 2 * dr.floor(cells / 2) != 0
 
 
+def transparent(scene: Scene) -> list[tuple[int, Sphere, Material]]:
+    """The spheres that can fill space, with their place among the primitives."""
+    materials = {material.name: material for material in scene.materials}
+    spheres = [(k, sphere, materials[sphere.material]) for k, sphere in enumerate(scene.spheres)]
+    return [(k, sphere, material) for k, sphere, material in spheres if scene.may(material, "refraction")]
+
+
 def relative_index(scene: Scene, at: Surface) -> Array:
     """eta = n_incident / n_transmitted: a point is in the smallest transparent sphere that contains it."""
-    materials = {material.name: material for material in scene.materials}
-    clear = [
-        (k, sphere, materials[sphere.material])
-        for k, sphere in enumerate(scene.spheres)
-        if scene.may(materials[sphere.material], "refraction")
-    ]
+    clear = transparent(scene)
     real, index, inside = dr.value_t(type(at.p)), at.hit.index, at.hit.inside
     own_ior, own_radius, own = real(1), real(dr.inf), dr.mask_t(at.hit.t)(False)
     for k, sphere, material in clear:
@@ -117,7 +119,7 @@ def relative_index(scene: Scene, at: Surface) -> Array:
         own_ior, own = dr.select(here, material.ior, own_ior), own | here
         own_radius = dr.select(here, dr.detach(sphere.radius), own_radius)
     if len(clear) == 1:
-        return dr.select(inside, own_ior, dr.rcp(own_ior))
+        return dr.select(inside, own_ior, 1) / dr.select(inside, 1, own_ior)
 
     # The smallest of the other spheres around the point
     outer_ior, outer_radius, outer = real(1), real(dr.inf), dr.uint32_array_t(real)(NONE)
@@ -131,4 +133,3 @@ def relative_index(scene: Scene, at: Surface) -> Array:
     fills = own & ((own_radius < outer_radius) | ((own_radius == outer_radius) & (index < outer)))
     inner_ior = dr.select(fills, own_ior, outer_ior)
     return dr.select(inside, inner_ior, outer_ior) / dr.select(inside, outer_ior, inner_ior)
-

@@ -110,53 +110,71 @@ def radiance(scene: Scene, ray: Ray, limits: Limits) -> Array:
     if not reflects(scene):
         return emitted(scene, ray, surface(scene, ray, closest_hit(scene, ray)))
 
-    def node(ray, weight, depth, result, stack, active):
+    def node(path, result, stack, active):
+        o, d, weight, links = path
+        ray, depth = unpack(o, d, links)
         at = surface(scene, ray, closest_hit(scene, ray))
         result = dr.fma(weight, emitted(scene, ray, at), result)
-        first, *second = children(scene, ray, at, weight, depth, limits)
-        go = choose(first.active, first, second[0]) if second else first
-        if stack.slots:
-            later = second[0]
-            links = pack(Ray(at.p, later.direction, at.hit.index, later.inward), depth + 1)
-            stack = stack.push(first.active & later.active, at.p, later.direction, weight * later.weight, links)
-        ray, weight, active = Ray(at.p, go.direction, at.hit.index, go.inward), weight * go.weight, go.active
-        depth += 1
-        if stack.slots:
-            more = ~active & (stack.size > 0)
-            stack, o, d, weight, links = stack.pop(more, ray.o, ray.d, weight, pack(ray, depth))
-            ray, depth = unpack(o, d, links)
-            active |= more
-        return ray, weight, depth, result, stack, active
+        branches = children(scene, ray, at, weight, depth, limits)
+        paths = [(at.p, b.direction, weight * b.weight, pack(at.hit.index, b.inward, depth + 1)) for b in branches]
+        stack, active, path = go_on(stack, [b.active for b in branches], paths)
+        return path, result, stack, active
 
-    uint, width = type(ray.source), dr.width(ray)
-    one = dr.ones(type(ray.o.x), width)
-    stack = Stack.allocate(
-        limits.max_depth if branches_out(scene) else 0, dr.zeros(uint, width), ray.o, ray.d, one, ray.source
-    )
-    state = ray, one, dr.ones(uint, width), dr.zeros(type(ray.o), width), stack, dr.ones(dr.mask_t(one), width)
-    return dr.while_loop(state, lambda *state: state[-1], node, mode="symbolic", label="radiance")[3]
+    path = (*start(ray), pack(ray.source, ray.inward, dr.ones(type(ray.source), dr.width(ray))))
+    stack = allocate(scene, limits, path)
+    state = path, dr.zeros(type(ray.o), dr.width(ray)), stack, dr.ones(type(ray.inward), dr.width(ray))
+    return dr.while_loop(state, lambda *state: state[-1], node, mode="symbolic", label="radiance")[1]
+
+
+def start(ray: Ray) -> tuple[Array, Array, Array]:
+    """Origin, direction and weight of a chain's first ray, all as wide as the wavefront."""
+    nothing = dr.zeros(type(ray.o), dr.width(ray))
+    return ray.o + nothing, ray.d + nothing, dr.ones(type(ray.o.x), dr.width(ray))
+
+
+def allocate(scene: Scene, limits: Limits, path: tuple) -> Stack:
+    """A stack for paths, which needs no slots where the tree of rays is a chain."""
+    size = dr.zeros(dr.uint32_array_t(type(limits.depth)), dr.width(path))
+    return Stack.allocate(limits.max_depth if branches_out(scene) else 0, size, *path)
 
 
 def children(scene: Scene, ray: Ray, at: Surface, weight: Array, depth: Array, limits: Limits) -> list[Branch]:
-    """A node's children, active where they are deep in no further than the limits let them."""
+    """A node's children, active as far as the limits let them."""
     branches = scatter(scene, ray, at)
     for branch in branches:
         branch.active &= depth < limits.depth
         if limits.importance is not None:
-            branch.active &= dr.abs(weight * branch.weight) >= limits.importance
+            branch.active &= abs(weight * branch.weight) >= limits.importance
     return branches
 
 
-def choose(condition: Array, a: Branch, b: Branch) -> Branch:
-    """The first branch where the condition holds, else the second."""
-    weight, direction = dr.select(condition, a.weight, b.weight), dr.select(condition, a.direction, b.direction)
-    return Branch(weight, direction, dr.select(condition, a.inward, b.inward), a.active | b.active)
+def go_on(stack: Stack, active: list[Array], paths: list[tuple]) -> tuple[Stack, Array, tuple]:
+    """Go on with a node's first active child, and where it has none with the path that was put off last.
+
+    Args:
+        active: for each of the node's one or two children.
+        paths: the same children, as tuples of arrays.
+
+    Returns:
+        The stack, whether there is a path to go on with, and the path.
+    """
+    if len(paths) == 1:
+        return stack, active[0], paths[0]
+    first, second = active
+    path = tuple(dr.select(first, a, b) for a, b in zip(*paths, strict=True))
+    if not stack.slots:
+        return stack, first | second, path
+    stack = stack.push(first & second, *paths[1])
+    more = ~first & ~second & (stack.size > 0)
+    stack, *path = stack.pop(more, *path)
+    return stack, first | second | more, tuple(path)
 
 
-def pack(ray: Ray, depth: Array) -> Array:
+def pack(source: Array, inward: Array, depth: Array) -> Array:
     """Where a ray starts, which way it leaves, and its depth, in one integer."""
-    return ray.source | dr.select(ray.inward, type(depth)(1 << 16), 0) | (depth << 17)
+    return source | dr.select(inward, type(depth)(1 << 16), 0) | (depth << 17)
 
 
 def unpack(o: Array, d: Array, links: Array) -> tuple[Ray, Array]:
+    """The ray and its depth."""
     return Ray(o, d, links & 0xFFFF, (links & (1 << 16)) != 0), links >> 17

@@ -1,0 +1,56 @@
+"""What this installation consists of, for people and for bug reports."""
+
+import ctypes
+import os
+from pathlib import Path
+
+import drjit as dr
+
+from . import llvm
+from .scene import Scene
+from .surface import transparent
+from .trace import branches_out, reflects, refracts
+
+
+def system() -> dict[str, str]:
+    """Versions, the libLLVM in use and why, vector width, threads and the folder of compiled kernels."""
+    library = llvm.configure()
+    folder = Path(dr.__file__).parent
+    (core,) = (path for path in folder.iterdir() if path.name.startswith("libdrjit-core."))
+    cache = os.environ.get("DRJIT_CACHE_DIR") or Path.home() / ".drjit"
+    return {
+        "Dr.Jit": dr.__version__,
+        "libLLVM": f"{library.path} ({library.reason})",
+        "vector width": f"{ctypes.CDLL(str(core)).jit_llvm_vector_width()} single-precision lanes",
+        "threads": str(dr.thread_count()),
+        "kernel cache": str(cache),
+    }
+
+
+def features(scene: Scene) -> list[str]:
+    """What a scene's kernel has compiled in."""
+    materials = scene.materials
+    primitives = [_count(len(scene.spheres), "sphere"), _count(len(scene.planes), "plane")]
+    dielectric = refracts(scene) and any(m.fresnel for m in materials)
+    optional = {
+        f"{_count(len(scene.lights), 'light')} with hard shadows": scene.lights,
+        "inverse-square falloff": any(light.inverse_square for light in scene.lights),
+        "Lambert": any(scene.may(m, "color") or m.checker for m in materials),
+        "checkerboard": any(m.checker for m in materials),
+        "Blinn-Phong": any(scene.may(m, "specular") for m in materials),
+        "ambient": "ambient" in scene.nonzero,
+        "reflection": reflects(scene),
+        "refraction": refracts(scene),
+        "Fresnel": dielectric,
+        "media search": len(transparent(scene)) > 1,
+        "least importance": scene.min_importance > 0,
+        "compensated sums": any(sphere.wide for sphere in scene.spheres),
+        "coinciding primitives": scene.twins,
+        "tree of rays": branches_out(scene),
+        "chain of rays": reflects(scene) and not branches_out(scene),
+    }
+    return [text for text in primitives if text[0] != "0"] + [name for name, present in optional.items() if present]
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"

@@ -1,0 +1,149 @@
+"""The command line: parses, calls, prints errors; no logic of its own."""
+
+import hashlib
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer.exceptions import TyperException
+
+app = typer.Typer(
+    help="A differentiable Whitted ray tracer.",
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
+)
+
+
+class Precision(str, Enum):
+    single = "single"
+    double = "double"
+
+
+@app.command(
+    epilog="Examples:  whitted render scenes/cornell.toml -o cornell.exr   |   "
+    "whitted render scenes/nested.toml -o nested.exr --spp 16 --depth 8 --size 1024x768 --precision double"
+)
+def render(
+    scene: Annotated[Path, typer.Argument(help="The scene, a TOML file.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Image to write, .exr; a .png preview goes next to it.")],
+    spp: Annotated[int, typer.Option(help="Samples a pixel, a perfect square.")] = 1,
+    depth: Annotated[int | None, typer.Option(help="Nodes on the longest chain of rays [default: the scene's].")] = None,
+    size: Annotated[str | None, typer.Option(metavar="WxH", help="Width and height in pixels [default: the scene's].")] = None,
+    precision: Annotated[Precision, typer.Option(help="Of every computation.")] = Precision.single,
+    no_boundary: Annotated[bool, typer.Option("--no-boundary", help="Plain samples; this version has no others.")] = False,
+) -> None:
+    """Render a scene to an EXR, with a PNG preview next to it."""
+    from . import __version__, load_scene, timing
+    from . import render as render_image
+    from .about import features
+
+    _check_output(output)
+    loaded = load_scene(scene, precision.value)
+    start = time.perf_counter()
+    with timing.recorded() as kernels, _progress_bar() as progress:
+        resolution = _size(size) if size else None
+        image = render_image(loaded, spp, max_depth=depth, resolution=resolution, progress=progress)
+    seconds = time.perf_counter() - start
+    height, width, _ = image.shape
+    depth = depth or loaded.max_depth
+    typer.echo(f"{scene}: {width} x {height}, spp {spp}, depth {depth}, {precision.value} precision")
+    typer.echo(f"compiled in: {', '.join(features(loaded))}; {kernels.operations} operations")
+    typer.echo(f"time: {kernels.compile_seconds:.3f} s compile, {kernels.run_seconds:.3f} s run, {seconds:.3f} s in all")
+    _write(
+        output,
+        image,
+        {
+            "whitted": __version__,
+            "sceneSHA256": hashlib.sha256(scene.read_bytes()).hexdigest(),
+            "spp": spp,
+            "maxDepth": depth,
+            "precision": precision.value,
+            "renderSeconds": seconds,
+        },
+    )
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal()):
+        raise ValueError(f"--size: expected WIDTHxHEIGHT, as in 640x480, got '{text}'")
+    return int(width), int(height)
+
+
+def _check_output(output: Path) -> None:
+    """Refuse what could not be written before time goes into it."""
+    if output.suffix.lower() != ".exr":
+        raise ValueError(f"{output}: expected a file name that ends in .exr")
+    if not output.parent.is_dir():
+        raise ValueError(f"{output}: there is no folder '{output.parent}'; make it first")
+    for path in (output, output.with_suffix(".png")):
+        if path.is_dir():
+            raise ValueError(f"{path}: is a folder; name a file")
+
+
+def _write(output: Path, image: object, metadata: dict[str, str | int | float]) -> None:
+    from .image import write_image
+
+    preview = output.with_suffix(".png")
+    write_image(output, image, metadata)
+    write_image(preview, image)
+    typer.echo(f"wrote {output} and {preview}")
+
+
+@contextmanager
+def _progress_bar() -> Iterator[Callable[[float], None]]:
+    """A callback for the fraction done, which shows a bar on standard error after a second."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    start = time.monotonic()
+    with Progress(console=Console(stderr=True), transient=True, disable=True) as bar:
+        task = bar.add_task("rendering", total=1.0)
+
+        def report(fraction: float) -> None:
+            if bar.disable and time.monotonic() - start > 1 and fraction < 1:
+                bar.disable = False
+                bar.start()
+            bar.update(task, completed=fraction)
+
+        yield report
+
+
+@app.command(epilog="Example:  whitted info")
+def info() -> None:
+    """Tell which Dr.Jit, LLVM and threads are used, and what is missing."""
+    from . import __version__, about
+
+    for name, value in {"whitted": __version__, **about.system()}.items():
+        typer.echo(f"{name + ':':14}{value}")
+
+
+def run(arguments: list[str]) -> int:
+    """Run a command; returns the exit status."""
+    try:
+        return app(arguments, prog_name="whitted", standalone_mode=False) or 0
+    except TyperException as error:
+        message = error.format_message()
+    except KeyboardInterrupt:
+        return 130
+    except MemoryError:
+        message = "not enough memory; use a smaller resolution"
+    except OSError as error:
+        message = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+    except (ValueError, RuntimeError) as error:
+        message = str(error)
+    except KeyError as error:
+        message = error.args[0]
+    print(message, file=sys.stderr)
+    return 2
+
+
+def main() -> None:
+    sys.exit(run(sys.argv[1:]))

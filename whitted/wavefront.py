@@ -1,0 +1,144 @@
+"""The three kernels: a band's pixels, their derivative in one direction, and derivatives by all parameters at once.
+
+Each runs in a frozen function, which skips tracing the Python code when a scene of the same shape comes again.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import drjit as dr
+from drjit.llvm import ad
+
+from .camera import View, view
+from .derivative import push_forward, radiance_jvp, radiance_vjp
+from .film import Film, next_sample, pixel, sample_ray
+from .geometry import Array
+from .scene import Scene, Shape
+from .trace import Limits, radiance
+
+# Lanes of the reverse kernel: each takes many pixels, so that little is left to sum
+REVERSE_LANES = 1 << 14
+
+
+def prepare(scene: Scene, film: Film) -> tuple[Scene, View]:
+    """The scene with unit plane normals, and its camera's basis."""
+    planes = tuple(replace(plane, normal=dr.normalize(plane.normal)) for plane in scene.planes)
+    prepared = replace(scene, planes=planes), view(scene.camera, film.size.x / film.size.y)
+    dr.eval(prepared)
+    return prepared
+
+
+def accumulate(film: Film, of_sample: Callable[[Array, Array, Array, Array], Array], color: type) -> Array:
+    """A band's pixels, row-major with RGB interleaved: the means of their samples.
+
+    Args:
+        of_sample: pixel column and row in the band, and place (i, j) on the pixel's grid, to the sample's Array3f.
+        color: the type of Array3f.
+    """
+    x, y, valid = pixel(film, dr.arange(ad.UInt32, film.lanes))
+
+    def sample(i, j, total, active):
+        total += of_sample(x, y, i, j)
+        i, j = next_sample(film, i, j)
+        return i, j, total, active & (j < film.side)
+
+    zero = dr.zeros(ad.UInt32, film.lanes)
+    state = zero, zero, dr.zeros(color, film.lanes), valid
+    total = dr.while_loop(state, lambda *state: state[-1], sample, mode="symbolic", label="samples")[2]
+    real = dr.value_t(color)
+    pixels = dr.zeros(real, film.pixels * 3)
+    dr.scatter(pixels, total / real(film.side * film.side), y * film.width + x, valid)
+    return pixels
+
+
+@dr.freeze(state_fn=None, warn_after=1 << 30)
+def image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> Array:
+    """A band's pixels, row-major with RGB interleaved."""
+    scene, camera = prepare(shape.filled(parameters), film)
+
+    def of_sample(x, y, i, j):
+        return radiance(scene, sample_ray(camera, film, x, y, i, j), limits)
+
+    return accumulate(film, of_sample, type(scene.background))
+
+
+@dr.freeze(state_fn=None, warn_after=1 << 30)
+def image_jvp(shape: Shape, parameters: dict, film: Film, limits: Limits, wrt: dict, tangents: dict) -> Array:
+    """The derivative of `image` along the tangents of the parameters `wrt`."""
+    wrt = dr.detach(wrt)
+    dr.enable_grad(wrt)
+    dr.set_grad(wrt, tangents)
+    moving, moving_camera = prepare(shape.filled(parameters | wrt), film)
+    push_forward(wrt)
+    tangents = {name: dr.grad(value) for name, value in _of_scene(moving, wrt).items()}
+    camera_tangent = dr.grad(moving_camera)
+    scene, camera = dr.detach(moving), dr.detach(moving_camera)
+
+    def of_sample(x, y, i, j):
+        moving = dr.detach(camera)
+        dr.enable_grad(moving)
+        dr.set_grad(moving, camera_tangent)
+        ray = sample_ray(moving, film, x, y, i, j)
+        push_forward(moving)
+        return radiance_jvp(scene, tangents, dr.detach(ray), dr.grad(ray.o), dr.grad(ray.d), limits)
+
+    return accumulate(film, of_sample, type(scene.background))
+
+
+@dr.freeze(state_fn=None, warn_after=1 << 30)
+def image_vjp(shape: Shape, parameters: dict, film: Film, limits: Limits, wrt: dict, adjoint: Array) -> dict:
+    """The derivatives of dot(adjoint, image) by the parameters `wrt`."""
+    wrt = dr.detach(wrt)
+    dr.enable_grad(wrt)
+    scene, camera = prepare(shape.filled(parameters | wrt), film)
+    inputs = _of_scene(scene, wrt) | (vars(camera) if any(name.startswith("camera.") for name in wrt) else {})
+    gradients = _vjp(dr.detach(scene), dr.detach(camera), film, limits, dr.detach(inputs), adjoint)
+    for name, value in inputs.items():
+        dr.set_grad(value, gradients[name])
+        dr.enqueue(dr.ADMode.Backward, value)
+    dr.traverse(dr.ADMode.Backward)
+    return dr.grad(wrt)
+
+
+def _of_scene(scene: Scene, wrt: dict) -> dict[str, Array]:
+    """The parameters that samples read from the scene, not from the camera's basis."""
+    names = [name for name in wrt if not name.startswith("camera.")]
+    return scene.parameters(*names) if names else {}
+
+
+def _vjp(scene: Scene, camera: View, film: Film, limits: Limits, inputs: dict, adjoint: Array) -> dict[str, Array]:
+    """The derivatives of dot(adjoint, image) by the prepared parameters."""
+    real, color = type(film.size.x), type(scene.background)
+    lanes = min(film.lanes, REVERSE_LANES)
+    # Adding a zero that the compiler cannot see keeps the derivatives of each lane apart
+    nothing = real(dr.arange(ad.UInt32, lanes) >> 31)
+    wide = {name: value + nothing for name, value in inputs.items()}
+    basis = {name: wide.pop(name) for name in vars(camera) if name in wide}
+
+    def sample(index, i, j, sums, active):
+        x, y, valid = pixel(film, index)
+        seed = dr.gather(color, adjoint, y * film.width + x, valid) / real(film.side * film.side)
+        moving = dr.detach(basis)
+        dr.enable_grad(moving)
+        ray = sample_ray(View(**moving) if moving else camera, film, x, y, i, j)
+        of_scene, o, d = radiance_vjp(scene, {name: sums[name] for name in wide}, wide, dr.detach(ray), seed, limits)
+        sums = sums | of_scene
+        if moving:
+            dr.backward_from(dr.dot(ray.o, o) + dr.dot(ray.d, d))
+            sums = sums | {name: sums[name] + dr.grad(value) for name, value in moving.items()}
+        i, j = next_sample(film, i, j)
+        done = j == film.side
+        index = dr.select(done, index + lanes, index)
+        return index, i, dr.select(done, 0, j), sums, index < film.lanes
+
+    zero = dr.zeros(ad.UInt32, lanes)
+    sums = {name: dr.zeros(type(value), lanes) for name, value in inputs.items()}
+    state = dr.arange(ad.UInt32, lanes), zero, zero, sums, dr.ones(ad.Bool, lanes)
+    sums = dr.while_loop(state, lambda *state: state[-1], sample, mode="symbolic", label="samples")[3]
+    dr.eval(sums)
+    return {name: _total(value) for name, value in sums.items()}
+
+
+def _total(value: Array) -> Array:
+    """The sum over lanes, of each component."""
+    return dr.sum(value) if dr.depth_v(value) == 1 else type(value)(*(dr.sum(component) for component in value))
