@@ -15,12 +15,13 @@ class Film:
 
     pixels: int
     lanes: int  # pixels, rounded up to whole 4 x 4 blocks
-    width: Array  # UInt32
-    rows: Array  # UInt32: rows in this band
-    first_row: Array  # UInt32
-    row_of_blocks: Array  # UInt32: lanes in a row of 4 x 4 blocks
+    width: Array  # Int
+    rows: Array  # Int: rows in this band
+    row_of_blocks: Array  # Int: lanes in a row of 4 x 4 blocks
+    side: Array  # Int: samples along a pixel's side
+    first_row: Array  # as a real number, like the rest
+    step: Array  # distance between samples, in pixels
     size: Array  # Array2f: width and height of the whole image
-    side: Array  # UInt32: samples along a pixel's side
 
 
 def band(resolution: tuple[int, int], first_row: int, rows: int, side: int, real: type) -> Film:
@@ -28,20 +29,21 @@ def band(resolution: tuple[int, int], first_row: int, rows: int, side: int, real
 
     Args:
         resolution: width and height of the whole image.
+        rows: so few that the band has less than 2^23 lanes.
         side: samples along a pixel's side.
         real: the Dr.Jit type of positions.
     """
     width, height = resolution
     blocks = -(-width // 4)
-    counts = (dr.opaque(ad.UInt32, n) for n in (width, rows, first_row, 16 * blocks))
+    integers = (dr.opaque(ad.Int, n) for n in (width, rows, 16 * blocks, side))
     size = (ad.Array2f if real is ad.Float else ad.Array2f64)(dr.opaque(real, width), dr.opaque(real, height))
-    return Film(width * rows, 16 * blocks * -(-rows // 4), *counts, size, dr.opaque(ad.UInt32, side))
+    return Film(width * rows, 16 * blocks * -(-rows // 4), *integers, dr.opaque(real, first_row), dr.opaque(real, 1 / side), size)
 
 
 def pixel(film: Film, index: Array) -> tuple[Array, Array, Array]:
     """Column and row in the band of a lane's pixel, and whether it is in the band: 4 x 4 pixels share a packet."""
-    # A quotient of doubles is exact, and far cheaper than one of integers
-    row = ad.UInt32(ad.Float64(index) / ad.Float64(film.row_of_blocks))
+    # Below 2^23 the quotient of floats is exact, and far cheaper than one of integers
+    row = ad.Int((ad.Float(index) + 0.5) / ad.Float(film.row_of_blocks))
     within = index - row * film.row_of_blocks
     x, y = ((within >> 4) << 2) + (within & 3), (row << 2) + ((within >> 2) & 3)
     return x, y, (x < film.width) & (y < film.rows)
@@ -55,7 +57,7 @@ def next_sample(film: Film, i: Array, j: Array) -> tuple[Array, Array]:
 
 def sample_ray(view: View, film: Film, x: Array, y: Array, i: Array, j: Array) -> Ray:
     """The primary ray of a pixel's sample (i, j), at ((i + 1/2) / side, (j + 1/2) / side) within the pixel."""
-    real = type(film.size.x)
-    u = real(x) + (real(i) + 0.5) / real(film.side)
-    v = real(y + film.first_row) + (real(j) + 0.5) / real(film.side)
+    real = type(film.step)
+    u = dr.fma(real(i) + 0.5, film.step, real(x))
+    v = dr.fma(real(j) + 0.5, film.step, real(y) + film.first_row)
     return primary_ray(view, 2 * u / film.size.x - 1, 1 - 2 * v / film.size.y)

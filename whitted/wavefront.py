@@ -35,19 +35,18 @@ def accumulate(film: Film, of_sample: Callable[[Array, Array, Array, Array], Arr
         of_sample: pixel column and row in the band, and place (i, j) on the pixel's grid, to the sample's Array3f.
         color: the type of Array3f.
     """
-    x, y, valid = pixel(film, dr.arange(ad.UInt32, film.lanes))
+    x, y, valid = pixel(film, dr.arange(ad.Int, film.lanes))
 
     def sample(i, j, total, active):
         total += of_sample(x, y, i, j)
         i, j = next_sample(film, i, j)
         return i, j, total, active & (j < film.side)
 
-    zero = dr.zeros(ad.UInt32, film.lanes)
+    zero = dr.zeros(ad.Int, film.lanes)
     state = zero, zero, dr.zeros(color, film.lanes), valid
     total = dr.while_loop(state, lambda *state: state[-1], sample, mode="symbolic", label="samples")[2]
-    real = dr.value_t(color)
-    pixels = dr.zeros(real, film.pixels * 3)
-    dr.scatter(pixels, total / real(film.side * film.side), y * film.width + x, valid)
+    pixels = dr.zeros(dr.value_t(color), film.pixels * 3)
+    dr.scatter(pixels, total * film.step * film.step, ad.UInt32(y * film.width + x), valid)
     return pixels
 
 
@@ -111,13 +110,13 @@ def _vjp(scene: Scene, camera: View, film: Film, limits: Limits, inputs: dict, a
     real, color = type(film.size.x), type(scene.background)
     lanes = min(film.lanes, REVERSE_LANES)
     # Adding a zero that the compiler cannot see keeps the derivatives of each lane apart
-    nothing = real(dr.arange(ad.UInt32, lanes) >> 31)
+    nothing = real(dr.arange(ad.Int, lanes) >> 31)
     wide = {name: value + nothing for name, value in inputs.items()}
     basis = {name: wide.pop(name) for name in vars(camera) if name in wide}
 
     def sample(index, i, j, sums, active):
         x, y, valid = pixel(film, index)
-        seed = dr.gather(color, adjoint, y * film.width + x, valid) / real(film.side * film.side)
+        seed = dr.gather(color, adjoint, ad.UInt32(y * film.width + x), valid) * (film.step * film.step)
         moving = dr.detach(basis)
         dr.enable_grad(moving)
         ray = sample_ray(View(**moving) if moving else camera, film, x, y, i, j)
@@ -131,9 +130,9 @@ def _vjp(scene: Scene, camera: View, film: Film, limits: Limits, inputs: dict, a
         index = dr.select(done, index + lanes, index)
         return index, i, dr.select(done, 0, j), sums, index < film.lanes
 
-    zero = dr.zeros(ad.UInt32, lanes)
+    zero = dr.zeros(ad.Int, lanes)
     sums = {name: dr.zeros(type(value), lanes) for name, value in inputs.items()}
-    state = dr.arange(ad.UInt32, lanes), zero, zero, sums, dr.ones(ad.Bool, lanes)
+    state = dr.arange(ad.Int, lanes), zero, zero, sums, dr.ones(ad.Bool, lanes)
     sums = dr.while_loop(state, lambda *state: state[-1], sample, mode="symbolic", label="samples")[3]
     dr.eval(sums)
     return {name: _total(value) for name, value in sums.items()}
