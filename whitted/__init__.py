@@ -1,1 +1,21 @@
 """A differentiable Whitted ray tracer on Dr.Jit's LLVM backend."""
+
+from .llvm import BackendError, configure
+
+__version__ = "0.1.0"
+__all__ = ["BackendError", "Scene", "SceneError", "__version__", "load_scene", "read_image", "render", "write_image"]
+
+try:
+    configure()
+except BackendError:
+
+    def __getattr__(name: str) -> object:
+        """Without LLVM every public name raises `BackendError`, and the command line can start and print it."""
+        if name in __all__:
+            configure()
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+else:
+    from .image import read_image, write_image
+    from .render import render
+    from .scene import Scene
+    from .scene_file import SceneError, load_scene

@@ -9,7 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -18,11 +18,11 @@ VARIABLE = "DRJIT_LIBLLVM_PATH"
 OLDEST = 15  # the oldest that Dr.Jit takes; it cannot select fmaximum and fminimum, which no kernel here holds
 ALL_WORKS = 16
 PACKAGES = "^libllvm[0-9]+(t64)?$"
-FOLDERS = """
-    usr/local/lib usr/local/lib64 usr/lib/*-linux-gnu* lib/*-linux-gnu* usr/lib64 usr/lib usr/lib/llvm*/lib*
-    usr/lib/llvm/*/lib* usr/lib64/llvm*/lib* opt/homebrew/opt/llvm*/lib usr/local/opt/llvm*/lib
-    home/linuxbrew/.linuxbrew/opt/llvm*/lib opt/local/libexec/llvm-*/lib
-""".split()
+FOLDERS = (
+    *("usr/local/lib", "usr/lib/*-linux-gnu*", "lib/*-linux-gnu*", "usr/lib64", "usr/lib"),
+    *("usr/lib/llvm*/lib*", "usr/lib/llvm/*/lib*", "usr/lib64/llvm*/lib*"),
+    *("opt/homebrew/opt/llvm*/lib", "usr/local/opt/llvm*/lib", "home/linuxbrew/.linuxbrew/opt/llvm*/lib"),
+)
 # libLLVM-19.so, libLLVM-15.so.1, libLLVM.so.19.1, libLLVM.19.1.dylib; and libLLVM.so, which does not tell
 FILE_NAME = re.compile(r"libLLVM(?:(?:[-.]|\.so\.)(\d+)[\d.]*)?(?:\.so|\.dylib)?[\d.]*")
 
@@ -35,50 +35,51 @@ class BackendError(RuntimeError):
 class Library:
     """A libLLVM, and why it was chosen."""
 
-    path: str | None  # None: Dr.Jit was imported earlier and found one by itself
-    version: int | None  # the major version; None: the library does not tell
+    path: str
+    version: int | None  # the major version; None when the library does not tell
     reason: str
 
 
-@cache
 def configure() -> Library:
-    """Choose the libLLVM of this process and hand it to Dr.Jit; further calls return the same.
+    """Choose the libLLVM of this process and have Dr.Jit load it; further calls have the same outcome.
+
+    Raises:
+        BackendError: there is no usable library, or Dr.Jit was imported before and has found none.
+    """
+    outcome = _outcome()
+    if isinstance(outcome, BackendError):
+        raise outcome
+    return outcome
+
+
+@cache
+def _outcome() -> Library | BackendError:
+    if "drjit" in sys.modules:
+        library = Library(os.environ.get(VARIABLE, "libLLVM"), None, "drjit was imported before whitted and had chosen it")
+        fault = f"drjit was imported before whitted and found no usable LLVM; import whitted first, or set {VARIABLE}"
+    else:
+        try:
+            library = choose(search_folders(os.environ), os.environ)
+        except BackendError as error:
+            return error
+        fault = f"Dr.Jit cannot use {library.path}; {remedy(os.environ)}"
+    import drjit
+
+    working = drjit.has_backend(drjit.JitBackend.LLVM)
+    return replace(library, version=drjit.detail.llvm_version()[0]) if working else BackendError(fault)
+
+
+def choose(folders: Sequence[Path], environ: MutableMapping[str, str]) -> Library:
+    """Set Dr.Jit's variable to the library that the user named, else to the best one of some folders.
 
     Raises:
         BackendError: no library is usable.
     """
-    return choose(search_folders(os.environ), os.environ)
-
-
-def choose(folders: Sequence[Path], environ: Mapping[str, str]) -> Library:
-    """Set Dr.Jit's variable to the best library of some folders, unless Dr.Jit is loaded already.
-
-    Raises:
-        BackendError: no library is usable, or Dr.Jit was imported before and has found none.
-    """
-    if "drjit" in sys.modules:
-        return _already_imported(environ)
     library = find_library(folders, environ)
     if library is None:
         raise BackendError(f"{_what_is_wrong(folders)}; {remedy(environ)}")
-    os.environ[VARIABLE] = str(library.path)
+    environ[VARIABLE] = library.path
     return library
-
-
-def verify(library: Library) -> Library:
-    """Import Dr.Jit and ask it whether the library works.
-
-    Returns:
-        The library, with the version that Dr.Jit reports.
-
-    Raises:
-        BackendError: Dr.Jit cannot use it.
-    """
-    import drjit
-
-    if not drjit.has_backend(drjit.JitBackend.LLVM):
-        raise BackendError(f"Dr.Jit cannot use {library.path} (LLVM {library.version or 'of unknown version'}); {remedy(os.environ)}")
-    return replace(library, version=drjit.detail.llvm_version()[0])
 
 
 def find_library(folders: Iterable[Path], environ: Mapping[str, str]) -> Library | None:
@@ -90,12 +91,11 @@ def find_library(folders: Iterable[Path], environ: Mapping[str, str]) -> Library
     if named := environ.get(VARIABLE):
         return _named(named)
     found = candidates(folders)
-    usable = [(version, path) for version, path in found if version >= OLDEST]
-    for version, path in usable:
-        if loads(path):
-            others = ", ".join(str(other) for other in dict.fromkeys(other for other, _ in found) if other != version)
-            reason = "the newest that works" if version >= ALL_WORKS else f"nothing newer works, and {ALL_WORKS} or newer is better"
-            return Library(str(path), version, reason + (f"; LLVM {others} found too" if others else ""))
+    for version, path in found:
+        if version >= OLDEST and loads(path):
+            versions = ", ".join(str(each) for each in dict.fromkeys(each for each, _ in found))
+            better = "" if version >= ALL_WORKS else f"; {ALL_WORKS} or newer is better"
+            return Library(str(path), version, f"the newest that works, of LLVM {versions}{better}")
     return None
 
 
@@ -132,16 +132,16 @@ def loads(path: Path | str) -> bool:
 def remedy(environ: Mapping[str, str], release: Path = Path("/etc/os-release")) -> str:
     """The command that installs a libLLVM on this system, or a sentence where it is not known."""
     sudo = "" if os.geteuid() == 0 else "sudo "
-    lines = release.read_text().splitlines() if release.is_file() else []
-    system = {word for line in lines if line.startswith(("ID=", "ID_LIKE=")) for word in line.split("=", 1)[1].strip("\"'").split()}
+    lines = re.findall(r'^ID(?:_LIKE)?="?([^"\n]*)', release.read_text(), re.MULTILINE) if release.is_file() else []
+    system = " ".join(lines).split()
     command = None
     if environ.get("CONDA_PREFIX"):
         command = "conda install -c conda-forge libllvm19"
     elif sys.platform == "darwin":
         command = "brew install llvm"
-    elif system & {"debian", "ubuntu"}:
+    elif "debian" in system:
         command = _apt(sudo)
-    elif system & {"fedora", "rhel"}:
+    elif "fedora" in system:
         command = f"{sudo}dnf install llvm-libs"
     elif "arch" in system:
         command = f"{sudo}pacman -S llvm-libs"
@@ -163,13 +163,16 @@ def _apt(sudo: str) -> str | None:
 
 def _named(path: str) -> Library:
     """The library in Dr.Jit's variable, respected as it is; a name without a folder is for the loader to find."""
-    if os.sep in path and not Path(path).is_file():
-        raise BackendError(f"{VARIABLE}={path}: there is no such file; correct the variable, or unset it to have one found")
     version = _version(Path(path))
-    if version is not None and version < OLDEST:
-        raise BackendError(f"{VARIABLE}={path}: LLVM {version} is too old, {OLDEST} or newer is needed; name another, or unset it")
-    if not loads(path):
-        raise BackendError(f"{VARIABLE}={path}: this library cannot be loaded; name another, or unset it to have one found")
+    fault = None
+    if os.sep in path and not Path(path).is_file():
+        fault = "there is no such file"
+    elif version is not None and version < OLDEST:
+        fault = f"LLVM {version} is too old, {OLDEST} or newer is needed"
+    elif not loads(path):
+        fault = "it cannot be loaded as a library"
+    if fault:
+        raise BackendError(f"{VARIABLE}={path}: {fault}; name another, or unset the variable to have one found")
     return Library(path, version, f"named by {VARIABLE}")
 
 
@@ -194,14 +197,6 @@ def _what_is_wrong(folders: Iterable[Path]) -> str:
         return "no libLLVM was found on this system"
     faults = [f"{path} (LLVM {version}) {'is too old' if version < OLDEST else 'cannot be loaded'}" for version, path in found]
     return f"no usable libLLVM, {OLDEST} or newer, was found: {', '.join(faults)}"
-
-
-def _already_imported(environ: Mapping[str, str]) -> Library:
-    import drjit
-
-    if not drjit.has_backend(drjit.JitBackend.LLVM):
-        raise BackendError(f"drjit was imported before whitted and has found no usable LLVM; import whitted first, or set {VARIABLE}")
-    return Library(environ.get(VARIABLE), drjit.detail.llvm_version()[0], "drjit was imported before whitted and had chosen it")
 
 
 if __name__ == "__main__":
