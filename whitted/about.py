@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+from importlib.metadata import version
 from pathlib import Path
 
 import drjit as dr
@@ -19,7 +20,7 @@ def system() -> dict[str, str]:
     (core,) = (path for path in folder.iterdir() if path.name.startswith("libdrjit-core."))
     cache = os.environ.get("DRJIT_CACHE_DIR") or Path.home() / ".drjit"
     return {
-        "Dr.Jit": dr.__version__,
+        "Dr.Jit": version("drjit"),
         "libLLVM": f"{library.path} ({library.reason})",
         "vector width": f"{ctypes.CDLL(str(core)).jit_llvm_vector_width()} single-precision lanes",
         "threads": str(dr.thread_count()),

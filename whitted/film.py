@@ -35,9 +35,18 @@ def band(resolution: tuple[int, int], first_row: int, rows: int, side: int, real
     """
     width, height = resolution
     blocks = -(-width // 4)
-    integers = (dr.opaque(ad.Int, n) for n in (width, rows, 16 * blocks, side))
-    size = (ad.Array2f if real is ad.Float else ad.Array2f64)(dr.opaque(real, width), dr.opaque(real, height))
-    return Film(width * rows, 16 * blocks * -(-rows // 4), *integers, dr.opaque(real, first_row), dr.opaque(real, 1 / side), size)
+    vector = ad.Array2f if real is ad.Float else ad.Array2f64
+    return Film(
+        pixels=width * rows,
+        lanes=16 * blocks * -(-rows // 4),
+        width=dr.opaque(ad.Int, width),
+        rows=dr.opaque(ad.Int, rows),
+        row_of_blocks=dr.opaque(ad.Int, 16 * blocks),
+        side=dr.opaque(ad.Int, side),
+        first_row=dr.opaque(real, first_row),
+        step=dr.opaque(real, 1 / side),
+        size=vector(dr.opaque(real, width), dr.opaque(real, height)),
+    )
 
 
 def pixel(film: Film, index: Array) -> tuple[Array, Array, Array]:

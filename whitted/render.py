@@ -16,7 +16,7 @@ from drjit.llvm import ad
 from . import wavefront
 from .film import Film, band
 from .geometry import Array
-from .scene import MAX_DEPTH, Scene
+from .scene import MAX_DEPTH, Scene, Shape
 from .trace import Limits
 
 # Samples in a band: enough to keep all cores busy, few enough to report progress and to stop between two of them
@@ -63,7 +63,7 @@ def render(
 
 
 def _whole(value: object, low: int, high: int) -> bool:
-    return isinstance(value, (int, np.integer)) and not isinstance(value, bool) and low <= value <= high
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool) and bool(low <= value <= high)
 
 
 def _resolution(resolution: object) -> tuple[int, int]:
@@ -132,14 +132,14 @@ class _Job:
             total = gradients if total is None else {name: total[name] + gradients[name] for name in total}
         return total or {}
 
-    def _inputs(self, film: Film) -> tuple:
+    def _inputs(self, film: Film) -> tuple[Shape, dict[str, Array], Film, Limits]:
         return self.scene.shape, self.parameters, film, self.limits
 
     def _assemble(self, kernel: Callable[[Film], Array]) -> Array:
         """The bands' pixels as one tensor."""
         width, height = self.scene.resolution
         single = type(self.scene.camera.fov) is ad.Float
-        whole = None
+        whole: Array = None
         for first, rows, film in self.bands():
             pixels = kernel(film)
             if rows < height:

@@ -167,12 +167,12 @@ class Shape:
     """All of a scene that its kernels are compiled for, and nothing that they read: hashable, and not an array."""
 
     def __init__(self, scene: Scene) -> None:
-        objects = [(x.name, x.material) for x in (*scene.spheres, *scene.planes)]
+        spheres = [(sphere.name, sphere.material, sphere.wide) for sphere in scene.spheres]
+        planes = [(plane.name, plane.material) for plane in scene.planes]
         kinds = [(m.name, m.fresnel, m.checker) for m in scene.materials]
         lights = [(light.name, light.inverse_square) for light in scene.lights]
-        wide = tuple(sphere.wide for sphere in scene.spheres)
-        camera = scene.camera.up, type(scene.background)
-        self.key = tuple(objects), tuple(kinds), tuple(lights), wide, camera, scene.nonzero, scene.twins
+        rest = scene.camera.up, type(scene.background), scene.nonzero, scene.twins
+        self.key = tuple(spheres), tuple(planes), tuple(kinds), tuple(lights), rest
         self.scene = scene
 
     def __hash__(self) -> int:

@@ -166,8 +166,8 @@ def go_on(stack: Stack, active: list[Array], paths: list[tuple]) -> tuple[Stack,
         return stack, first | second, path
     stack = stack.push(first & second, *paths[1])
     more = ~first & ~second & (stack.size > 0)
-    stack, *path = stack.pop(more, *path)
-    return stack, first | second | more, tuple(path)
+    stack, *parts = stack.pop(more, *path)
+    return stack, first | second | more, tuple(parts)
 
 
 def pack(source: Array, inward: Array, depth: Array) -> Array:

@@ -5,6 +5,7 @@ Each runs in a frozen function, which skips tracing the Python code when a scene
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import drjit as dr
 from drjit.llvm import ad
@@ -28,7 +29,7 @@ def prepare(scene: Scene, film: Film) -> tuple[Scene, View]:
     return prepared
 
 
-def accumulate(film: Film, of_sample: Callable[[Array, Array, Array, Array], Array], color: type) -> Array:
+def accumulate(film: Film, of_sample: Callable[[Array, Array, Array, Array], Array], color: Any) -> Array:
     """A band's pixels, row-major with RGB interleaved: the means of their samples.
 
     Args:
@@ -43,9 +44,9 @@ def accumulate(film: Film, of_sample: Callable[[Array, Array, Array, Array], Arr
         return i, j, total, active & (j < film.side)
 
     zero = dr.zeros(ad.Int, film.lanes)
-    state = zero, zero, dr.zeros(color, film.lanes), valid
+    state: Any = zero, zero, dr.zeros(color, film.lanes), valid
     total = dr.while_loop(state, lambda *state: state[-1], sample, mode="symbolic", label="samples")[2]
-    pixels = dr.zeros(dr.value_t(color), film.pixels * 3)
+    pixels: Array = dr.zeros(dr.value_t(color), film.pixels * 3)
     dr.scatter(pixels, total * film.step * film.step, ad.UInt32(y * film.width + x), valid)
     return pixels
 
