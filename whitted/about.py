@@ -1,11 +1,12 @@
 """What this installation consists of, for people and for bug reports."""
 
-import ctypes
 import os
+import re
 from importlib.metadata import version
 from pathlib import Path
 
 import drjit as dr
+from drjit.llvm import Float
 
 from . import llvm
 from .scene import Scene
@@ -16,16 +17,25 @@ from .trace import branches_out, reflects, refracts
 def system() -> dict[str, str]:
     """Versions, the libLLVM in use and why, vector width, threads and the folder of compiled kernels."""
     library = llvm.configure()
-    folder = Path(dr.__file__).parent
-    (core,) = (path for path in folder.iterdir() if path.name.startswith("libdrjit-core."))
     cache = os.environ.get("DRJIT_CACHE_DIR") or Path.home() / ".drjit"
     return {
         "Dr.Jit": version("drjit"),
         "libLLVM": f"{library.path} ({library.reason})",
-        "vector width": f"{ctypes.CDLL(str(core)).jit_llvm_vector_width()} single-precision lanes",
+        "vector width": f"{_vector_width()} single-precision lanes",
         "threads": str(dr.thread_count()),
         "kernel cache": str(cache),
     }
+
+
+def _vector_width() -> str:
+    """The width that a small kernel's code was generated for."""
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        dr.kernel_history_clear()
+        dr.eval(dr.opaque(Float, 1) + 1)
+        dr.sync_thread()
+        code = "".join(kernel["ir"].getvalue() for kernel in dr.kernel_history() if "ir" in kernel)
+    widths = re.search(r"<(\d+) x float>", code)
+    return widths[1] if widths else "unknown"
 
 
 def features(scene: Scene) -> list[str]:

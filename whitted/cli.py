@@ -136,7 +136,7 @@ def run(arguments: list[str]) -> int:
     except MemoryError:
         message = "not enough memory; use a smaller resolution"
     except OSError as error:
-        message = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+        message = f"{error.filename}: cannot be read or written: {error.strerror}" if error.filename else str(error)
     except (ValueError, RuntimeError) as error:
         message = str(error)
     except KeyError as error:
