@@ -298,18 +298,26 @@ def test_import_without_a_usable_library(tmp_path, names, cause):
     assert cause in done.stderr
 
 
-def test_names_that_do_not_exist_are_told_from_those_that_need_llvm(tmp_path):
-    done = whitted(fake(tmp_path), "import whitted; whitted.rendr")
-    assert "AttributeError: module 'whitted' has no attribute 'rendr'" in done.stderr
+def test_python_itself_may_ask_for_any_attribute_without_llvm(tmp_path):
+    done = whitted(fake(tmp_path), "import whitted; whitted.__wrapped__")
+    assert "AttributeError: module 'whitted' has no attribute '__wrapped__'" in done.stderr
 
 
-def test_the_command_line_says_it_in_one_line(tmp_path):
+@pytest.mark.parametrize("command", ["render", "info"])
+def test_the_command_line_says_it_in_one_line(tmp_path, command):
     (tmp_path / "scene.toml").write_text(SCENE)
-    arguments = ["render", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out.exr")]
+    arguments = {"render": ["render", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out.exr")], "info": ["info"]}[command]
     done = whitted(fake(tmp_path / "empty"), f"from whitted.cli import run; sys.exit(run({arguments!r}))")
     assert done.returncode == 2
     assert done.stderr.startswith("no libLLVM was found on this system; install ")
     assert done.stderr.count("\n") == 1
+
+
+def test_a_dr_jit_that_cannot_be_imported(tmp_path):
+    (tmp_path / "drjit.py").write_text("raise ImportError('libatomic.so.1: no such file')")
+    code = f"sys.path.insert(0, {str(tmp_path)!r}); import whitted; whitted.render"
+    done = python(f"import sys; {code}", **{llvm.VARIABLE: llvm.configure().path})
+    assert "BackendError: Dr.Jit cannot be imported: libatomic.so.1: no such file; install what is missing" in done.stderr
 
 
 @pytest.mark.skipif(not [version for version, _ in REAL if version < 15], reason="needs an LLVM older than 15")

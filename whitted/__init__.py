@@ -10,8 +10,8 @@ try:
 except BackendError:
 
     def __getattr__(name: str) -> object:
-        """Without LLVM every public name raises `BackendError`, and the command line can start and print it."""
-        if name in __all__:
+        """Without LLVM every name raises `BackendError` when it is asked for: the command line can start and print it."""
+        if not name.startswith("__"):
             configure()
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 else:

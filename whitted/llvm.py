@@ -63,7 +63,10 @@ def _outcome() -> Library | BackendError:
         except BackendError as error:
             return error
         fault = f"Dr.Jit cannot use {library.path}; {remedy(os.environ)}"
-    import drjit
+    try:
+        import drjit
+    except (ImportError, NameError) as error:  # Dr.Jit's own handling of the first runs into the second
+        return BackendError(f"Dr.Jit cannot be imported: {error.__context__ or error}; install what is missing (setup does)")
 
     working = drjit.has_backend(drjit.JitBackend.LLVM)
     return replace(library, version=drjit.detail.llvm_version()[0]) if working else BackendError(fault)
