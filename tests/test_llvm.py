@@ -111,6 +111,12 @@ def test_newest_first_and_each_file_once(tmp_path):
     ]
 
 
+def test_the_link_tells_the_version_where_the_file_does_not(tmp_path):
+    fake(tmp_path, "libLLVM.so.1")
+    (tmp_path / "libLLVM-18.so").symlink_to("libLLVM.so.1")
+    assert llvm.candidates([tmp_path]) == [(18, tmp_path / "libLLVM-18.so")]
+
+
 def test_a_name_that_does_not_tell_is_asked(tmp_path, monkeypatch):
     class Loaded:
         def __init__(self, path):

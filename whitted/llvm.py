@@ -183,7 +183,7 @@ def _version(path: Path) -> int | None:
     """The major version, by the name of the file behind the links, else of the link, else by asking the library."""
     for name in (path.resolve().name, path.name):
         match = FILE_NAME.fullmatch(name)
-        if match and match[1]:
+        if match and match[1] and int(match[1]) > 2:  # libLLVM.so.1 numbers the interface; its link tells the version
             return int(match[1])
     try:
         get_version = ctypes.CDLL(str(path)).LLVMGetVersion
