@@ -45,4 +45,6 @@ def blinn_phong(d: Array, n: Array, to_light: Array, shininess: Array) -> Array:
     """max(0, n . h)^shininess, h the direction halfway between the light and the viewer."""
     cos_half = dr.dot(n, safe_normalize(to_light - d))
     positive = cos_half > 0
-    return dr.select(positive, dr.power(dr.select(positive, cos_half, 1), shininess), 0)
+    # Dr.Jit's exp2 is infinite at the lower end of double precision's range
+    exponent = dr.fmax(shininess * dr.log2(dr.select(positive, cos_half, 1)), -1000)
+    return dr.select(positive, dr.exp2(exponent), 0)

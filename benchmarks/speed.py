@@ -1,0 +1,138 @@
+"""Speed against the yardstick, cold and warm starts, and scaling: python benchmarks/speed.py
+
+Every ratio is of calls that take turns in one run. The yardstick (yardstick.py) is the smallest Dr.Jit kernel that
+does the same work on the same scene, an unrolled tree of rays in frozen functions. Times are of the whole call, with
+synchronisation, after all kernels are compiled, unless a line says otherwise.
+"""
+
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+HERE = Path(__file__).parent
+CENTERS = [f"spheres.sphere{k}.{field}" for k in range(3) for field in ("center", "radius")]
+NAMES = [*CENTERS, "materials.mirror.ior", "materials.glass.ior", "materials.green.ior"]
+
+COLD = """
+import time, os, sys
+start = float(sys.argv[1])
+import whitted as wt
+import drjit as dr
+scene = wt.load_scene(sys.argv[2])
+image = wt.render(scene, boundary=False)
+dr.eval(image)
+dr.sync_thread()
+print(time.time() - start)
+params = scene.parameters(*sys.argv[3:])
+dr.enable_grad(params)
+dr.backward(dr.mean(dr.square(wt.render(scene.replace(params), boundary=False)), axis=None))
+dr.eval(dr.grad(params))
+dr.sync_thread()
+print(time.time() - start)
+"""
+
+
+def against_yardstick(rounds: int = 40) -> None:
+    """The image, and the gradient in a loop of the user's own, taking turns with the yardstick's."""
+    import drjit as dr
+    import yardstick
+
+    import whitted as wt
+
+    primal, gradient, params = yardstick.make(512, 5)
+    scene = wt.load_scene(HERE / "yardstick.toml")
+    target = dr.opaque(wt.render(scene).array.__class__, 0.5)
+
+    def changed() -> dict:
+        ours = scene.parameters(*NAMES)
+        ours["spheres.sphere0.center"] = ours["spheres.sphere0.center"] + 1e-6
+        dr.eval(ours)
+        return ours
+
+    def image(ours: dict):
+        return wt.render(scene.replace(ours), boundary=False)
+
+    def loop(ours: dict):
+        dr.enable_grad(ours)
+        loss = dr.mean(dr.square(wt.render(scene.replace(ours), boundary=False) - target), axis=None)
+        dr.backward(loss)
+        return dr.grad(ours)
+
+    calls = {
+        "yardstick, image": lambda: primal(params),
+        "yardstick, gradient": lambda: gradient(params),
+        "ours, image": lambda: image(changed()),
+        "ours, gradient loop": lambda: loop(changed()),
+    }
+    times: dict[str, list[float]] = {name: [] for name in calls}
+    for _ in range(rounds):
+        for name, call in calls.items():
+            times[name].append(clock(call))
+    middle = {name: statistics.median(values[5:]) for name, values in times.items()}
+    for name, values in times.items():
+        print(f"{name:22}{middle[name]:8.2f} ms   (fastest {min(values):.2f})")
+    bound = 1.3 * middle["yardstick, image"] + 1
+    print(f"image:    {middle['ours, image']:.2f} ms, allowed 1.3 x yardstick + 1 ms = {bound:.2f} ms")
+    bound = 1.3 * (middle["yardstick, image"] + middle["yardstick, gradient"]) + 2
+    print(f"gradient: {middle['ours, gradient loop']:.2f} ms, allowed 1.3 x both yardsticks + 2 ms = {bound:.2f} ms")
+
+
+def clock(call) -> float:
+    """Milliseconds of a call, with all its kernels."""
+    import drjit as dr
+
+    dr.sync_thread()
+    start = time.perf_counter()
+    dr.eval(call())
+    dr.sync_thread()
+    return (time.perf_counter() - start) * 1e3
+
+
+def starts() -> None:
+    """Seconds from the start of a process to its first image and first gradient."""
+    with tempfile.TemporaryDirectory() as cache:
+        for name in ("cold", "warm"):
+            command = [sys.executable, "-c", COLD, str(time.time()), str(HERE / "yardstick.toml"), *NAMES]
+            environment = {**os.environ, "DRJIT_CACHE_DIR": cache}
+            image, gradient = subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout.split()
+            print(f"{name} cache: first image after {float(image):.2f} s, first gradient after {float(gradient):.2f} s")
+
+
+def scaling() -> None:
+    """Time against pixels, spheres and lights; compile time by an empty cache's kernel history."""
+    import whitted as wt
+    from scenes import box
+    from whitted import timing
+
+    def load(text: str):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "scene.toml"
+            path.write_text(text)
+            return wt.load_scene(path)
+
+    def measure(label: str, scene, per: float, **options) -> None:
+        with timing.recorded() as first:
+            wt.render(scene, boundary=False, **options)
+        warm = statistics.median(clock(lambda: wt.render(scene, boundary=False, **options)) for _ in range(9))
+        print(f"{label:12}{warm:10.2f} ms {warm / per:12.3f} {first.compile_seconds:10.2f} s")
+
+    print("width               warm   ns a pixel    compile")
+    for width in (256, 512, 1024, 2048, 4096):
+        measure(f"{width}", load(box()), width * width / 1e6, resolution=(width, width))
+    for what in ("spheres", "lights"):
+        print(f"{what:12}        warm     ms / {what[:-1]}    compile")
+        for count in (1, 2, 4, 8, 16, 32):
+            measure(f"{count}", load(box(**{what: count})), count)
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        # Compile times are of an empty cache
+        os.environ["DRJIT_CACHE_DIR"] = folder
+        against_yardstick()
+        starts()
+        scaling()
