@@ -105,8 +105,6 @@ def radiance_vjp(scene: Scene, sums: Parameters, wide: Parameters, ray: Ray, see
     def step(ray, weight, back, stack, sums, tracing):
         state = ray, weight, back, stack, sums
         state = dr.if_stmt(state, tracing, tree.arrive, lambda *state: (*state, dr.zeros(type(tracing), dr.width(weight))))
-        if not reflects(scene):
-            return state
         returning = ~state[-1] & (state[3].size > 0)
         return dr.if_stmt(state, returning, tree.come_back, lambda *state: state)
 
@@ -116,7 +114,11 @@ def radiance_vjp(scene: Scene, sums: Parameters, wide: Parameters, ray: Ray, see
     parts = o, d, o, d, zero, zero, zero, uint(0)
     stack = Stack.allocate(limits.max_depth if reflects(scene) else 0, dr.zeros(uint, width), *parts)
     ray, back = Ray(o, d, ray.source, ray.inward), Adjoint(nothing, nothing, zero)
-    state = ray, weight, back, stack, dict(sums), dr.ones(type(ray.inward), width)
+    state = ray, weight, back, stack, dict(sums)
+    if not reflects(scene):
+        _, _, back, _, sums, _ = tree.arrive(*state)
+        return sums, back.o, back.d
+    state = *state, dr.ones(type(ray.inward), width)
     state = dr.while_loop(state, lambda *s: s[-1] | (s[3].size > 0), step, mode="symbolic", label="radiance_vjp")
     return state[4], state[2].o, state[2].d
 

@@ -11,7 +11,7 @@ import drjit as dr
 from drjit.llvm import ad
 
 from .camera import View, view
-from .derivative import push_forward, radiance_jvp, radiance_vjp
+from .derivative import pull_back, push_forward, radiance_jvp, radiance_vjp
 from .film import Film, next_sample, pixel, sample_ray
 from .geometry import Array
 from .scene import Scene, Shape
@@ -124,7 +124,7 @@ def _vjp(scene: Scene, camera: View, film: Film, limits: Limits, inputs: dict, a
         of_scene, o, d = radiance_vjp(scene, {name: sums[name] for name in wide}, wide, dr.detach(ray), seed, limits)
         sums = sums | of_scene
         if moving:
-            dr.backward_from(dr.dot(ray.o, o) + dr.dot(ray.d, d))
+            pull_back(dr.dot(ray.o, o) + dr.dot(ray.d, d), dr.ones(real, lanes))
             sums = sums | {name: sums[name] + dr.grad(value) for name, value in moving.items()}
         i, j = next_sample(film, i, j)
         done = j == film.side
