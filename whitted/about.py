@@ -40,7 +40,7 @@ def _vector_width() -> str:
 
 def features(scene: Scene) -> list[str]:
     """What a scene's kernel has compiled in."""
-    materials = scene.materials
+    materials = scene.used
     primitives = [_count(len(scene.spheres), "sphere"), _count(len(scene.planes), "plane")]
     dielectric = refracts(scene) and any(m.fresnel for m in materials)
     optional = {

@@ -154,6 +154,12 @@ class Scene:
         """The scene without its arrays."""
         return Shape(self)
 
+    @cached_property
+    def used(self) -> tuple[Material, ...]:
+        """The materials that some primitive is made of."""
+        names = {primitive.material for primitive in (*self.spheres, *self.planes)}
+        return tuple(material for material in self.materials if material.name in names)
+
     def may(self, material: Material, field: str) -> bool:
         """Whether a material's weight can be other than 0, and so is worth compiling."""
         return f"materials.{material.name}.{field}" in self.nonzero

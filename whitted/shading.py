@@ -16,7 +16,7 @@ def emitted(scene: Scene, ray: Ray, at: Surface) -> Array:
     color = albedo(scene, at)
     radiance = scene.ambient * color if "ambient" in scene.nonzero else type(at.p)(0)
     specular = shininess = None
-    if any(scene.may(material, "specular") for material in scene.materials):
+    if any(scene.may(material, "specular") for material in scene.used):
         specular = lookup(scene, at, "specular", lambda m: scene.may(m, "specular"))
         shininess = lookup(scene, at, "shininess", lambda m: scene.may(m, "specular"))
     still = dr.detach(scene)

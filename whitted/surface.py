@@ -65,8 +65,8 @@ def _material_masks(scene: Scene, hit: Hit) -> dict[str, Array]:
 def any_of(scene: Scene, at: Surface, wanted) -> Array:
     """Whether the surface is of one of the materials that `wanted` (Material -> bool) accepts."""
     mask = dr.mask_t(at.hit.t)(False)
-    for material in scene.materials:
-        if material.name in at.of and wanted(material):
+    for material in scene.used:
+        if wanted(material):
             mask |= at.of[material.name]
     return mask
 
@@ -75,8 +75,8 @@ def lookup(scene: Scene, at: Surface, field: str, wanted) -> Array:
     """A field of the surface's material, and 0 where it is not of one of the materials that are `wanted`."""
     kind = type(at.p) if field == "color" else dr.value_t(type(at.p))
     value = kind(0)
-    for material in scene.materials:
-        if material.name in at.of and wanted(material):
+    for material in scene.used:
+        if wanted(material):
             value = dr.select(at.of[material.name], getattr(material, field), value)
     return value
 
@@ -84,7 +84,7 @@ def lookup(scene: Scene, at: Surface, field: str, wanted) -> Array:
 def albedo(scene: Scene, at: Surface) -> Array:
     """The surface's Lambertian albedo, with its checkerboard."""
     color = lookup(scene, at, "color", lambda m: scene.may(m, "color"))
-    materials = {material.name: material for material in scene.materials}
+    materials = {material.name: material for material in scene.used}
     for k, plane in enumerate(scene.planes, len(scene.spheres)):
         checker = materials[plane.material].checker
         if checker is not None:
@@ -104,7 +104,7 @@ def _odd_cell(p: Array, normal: Array, size: float) -> Array:
 
 def transparent(scene: Scene) -> list[tuple[int, Sphere, Material]]:
     """The spheres that can fill space, with their place among the primitives."""
-    materials = {material.name: material for material in scene.materials}
+    materials = {material.name: material for material in scene.used}
     spheres = [(k, sphere, materials[sphere.material]) for k, sphere in enumerate(scene.spheres)]
     return [(k, sphere, material) for k, sphere, material in spheres if scene.may(material, "refraction")]
 

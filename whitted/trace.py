@@ -44,16 +44,16 @@ class Limits:
 
 def reflects(scene: Scene) -> bool:
     """Whether any material can send a reflected ray: mirrors, and glass by total reflection."""
-    return any(scene.may(m, "reflection") or scene.may(m, "refraction") for m in scene.materials)
+    return any(scene.may(m, "reflection") or scene.may(m, "refraction") for m in scene.used)
 
 
 def refracts(scene: Scene) -> bool:
-    return any(scene.may(m, "refraction") for m in scene.materials)
+    return any(scene.may(m, "refraction") for m in scene.used)
 
 
 def branches_out(scene: Scene) -> bool:
     """Whether any material can send both rays at once; without one the tree is a chain."""
-    return any(scene.may(m, "reflection") and scene.may(m, "refraction") for m in scene.materials)
+    return any(scene.may(m, "reflection") and scene.may(m, "refraction") for m in scene.used)
 
 
 def scatter(scene: Scene, ray: Ray, at: Surface) -> list[Branch]:
@@ -74,7 +74,7 @@ def scatter(scene: Scene, ray: Ray, at: Surface) -> list[Branch]:
     squared, total = transmission(cos_theta_i, eta)
     cos_theta_t = dr.sqrt(dr.select(squared > 0, squared, 1))
     mirror_weight, weight = reflection + dr.select(total, refraction, 0), dr.select(total, 0, refraction)
-    if any(m.fresnel for m in scene.materials):
+    if any(m.fresnel for m in scene.used):
         reflectance = dr.select(total, 1, fresnel(cos_theta_i, cos_theta_t, eta))
         mirror_weight = dr.select(dielectric, reflection * reflectance, mirror_weight)
         weight = dr.select(dielectric, refraction * (1 - reflectance), weight)
