@@ -1,0 +1,146 @@
+"""The command line, in this process where that is enough and in one of its own where signals or starting matter."""
+
+import hashlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+
+import whitted as wt
+from whitted.cli import run
+
+SCENES = Path(__file__).parent.parent / "scenes"
+SCENE = SCENES / "cornell.toml"
+
+
+def test_render_writes_exr_and_png(tmp_path, capsys):
+    out = tmp_path / "a.exr"
+    assert run(["render", str(SCENE), "-o", str(out), "--spp", "4", "--depth", "3", "--size", "24x16"]) == 0
+    expected = wt.render(wt.load_scene(SCENE), 4, max_depth=3, resolution=(24, 16))
+    np.testing.assert_array_equal(wt.read_image(out).numpy(), expected.numpy())
+    assert wt.read_image(tmp_path / "a.png").shape == (16, 24, 3)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "a.png"]
+    text = capsys.readouterr().out
+    for part in ("24 x 16, spp 4, depth 3, single precision", "3 spheres, 5 planes", "operations", "compile", "run"):
+        assert part in text
+
+
+def test_exr_header_tells_how_it_was_made(tmp_path):
+    options = ["--size", "8x8", "--precision", "double", "--no-boundary"]
+    assert run(["render", str(SCENE), "-o", str(tmp_path / "a.exr"), *options]) == 0
+    with OpenEXR.File(str(tmp_path / "a.exr")) as file:
+        header = file.header()
+        assert header["whitted"] == wt.__version__
+        assert header["sceneSHA256"] == hashlib.sha256(SCENE.read_bytes()).hexdigest()
+        assert (header["spp"], header["maxDepth"], header["precision"]) == (1, 8, "double")
+        assert header["renderSeconds"] > 0
+
+
+@pytest.mark.parametrize("scene", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
+def test_shipped_scenes_render(tmp_path, scene):
+    assert run(["render", str(scene), "-o", str(tmp_path / "a.exr"), "--size", "16x16"]) == 0
+    image = wt.read_image(tmp_path / "a.exr").numpy()
+    assert np.isfinite(image).all()
+    # Something is there to see: neither black nor all of one colour
+    assert image.std() > 0.01
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--spp", "3"], "spp: expected a perfect square"),
+        (["--spp", "x"], "'--spp'"),
+        (["--size", "0x4"], r"resolution: expected (width, height), two whole numbers of pixels > 0, got (0, 4)"),
+        (["--size", "4"], "--size: expected WIDTHxHEIGHT, as in 640x480, got '4'"),
+        (["--size", "1000000x1000000"], "takes 11175.9 GiB, too much; use a smaller one"),
+        (["--depth", "0"], "max_depth: expected a whole number from 1 to 256, got 0"),
+        (["--precision", "half"], "'--precision'"),
+        (["--sp", "4"], "No such option: --sp"),
+    ],
+)
+def test_bad_arguments(tmp_path, capsys, arguments, message):
+    assert run(["render", str(SCENE), "-o", str(tmp_path / "a.exr"), *arguments]) == 2
+    check_refusal(tmp_path, capsys, message)
+
+
+def check_refusal(tmp_path, capsys, message):
+    """One line on standard error, and nothing written."""
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert not [p for p in tmp_path.iterdir() if p.suffix in (".exr", ".png") and p.is_file()]
+
+
+@pytest.mark.parametrize(
+    ("output", "message"),
+    [
+        ("a.jpg", "expected a file name that ends in .exr"),
+        ("none/a.exr", "make it first"),
+        ("folder.exr", "is a folder; name a file"),
+        ("preview.exr", "preview.png: is a folder; name a file"),
+    ],
+)
+def test_bad_outputs(tmp_path, capsys, output, message):
+    (tmp_path / "folder.exr").mkdir()
+    (tmp_path / "preview.png").mkdir()
+    assert run(["render", str(SCENE), "-o", str(tmp_path / output)]) == 2
+    check_refusal(tmp_path, capsys, message)
+
+
+def test_output_that_cannot_be_written(capsys):
+    if not Path("/proc/self").is_dir():
+        pytest.skip("needs a folder that nobody can write to")
+    assert run(["render", str(SCENE), "-o", "/proc/self/a.exr", "--size", "4x4"]) == 2
+    assert "/proc/self/a.exr: cannot be read or written" in capsys.readouterr().err
+
+
+def test_bad_scene_lists_every_problem(tmp_path, capsys):
+    scene = tmp_path / "bad.toml"
+    scene.write_text(SCENE.read_text().replace("fov ", "fovv ").replace("radius", "radios", 1))
+    assert run(["render", str(scene), "-o", str(tmp_path / "a.exr")]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 4
+    assert all(line.startswith(f"{scene}: ") for line in lines)
+    assert run(["render", str(tmp_path / "none.toml"), "-o", str(tmp_path / "a.exr")]) == 2
+    check_refusal(tmp_path, capsys, "none.toml: cannot be read: No such file or directory")
+
+
+def test_info_and_help(capsys):
+    assert run(["info"]) == 0
+    text = capsys.readouterr().out
+    for part in ("Dr.Jit:", "libLLVM:", "vector width:", "threads:", "kernel cache:"):
+        assert part in text
+    assert run(["render", "--help"]) == 0
+    assert "Examples:" in capsys.readouterr().out
+    assert run(["rendr"]) == 2
+    assert "Did you mean 'render'?" in capsys.readouterr().err
+
+
+def test_interrupt_leaves_nothing(tmp_path):
+    """Ctrl-C in a render that would take minutes: exit status 130, no file."""
+    command = [sys.executable, "-m", "whitted.cli", "render", str(SCENE), "-o", str(tmp_path / "a.exr"), "--spp", "65536"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
+    time.sleep(4)
+    assert process.poll() is None
+    os.killpg(process.pid, signal.SIGINT)
+    output, error = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert b"Traceback" not in output + error
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_llvm(tmp_path):
+    """No libLLVM anywhere: one line that tells the remedy, exit status 2."""
+    missing = str(tmp_path / "libLLVM.so")
+    environment = {**os.environ, "DRJIT_LIBLLVM_PATH": missing}
+    command = [sys.executable, "-m", "whitted.cli", "render", str(SCENE), "-o", str(tmp_path / "a.exr")]
+    process = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert process.returncode == 2
+    assert missing in process.stderr
+    assert process.stderr.count("\n") == 1
