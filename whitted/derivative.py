@@ -10,6 +10,7 @@ These are derivatives of samples; what moves with an edge is not in them.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
 
@@ -114,7 +115,7 @@ def radiance_vjp(scene: Scene, sums: Parameters, wide: Parameters, ray: Ray, see
     parts = o, d, o, d, zero, zero, zero, uint(0)
     stack = Stack.allocate(limits.max_depth if reflects(scene) else 0, dr.zeros(uint, width), *parts)
     ray, back = Ray(o, d, ray.source, ray.inward), Adjoint(nothing, nothing, zero)
-    state = ray, weight, back, stack, dict(sums)
+    state: Any = ray, weight, back, stack, dict(sums)
     if not reflects(scene):
         _, _, back, _, sums, _ = tree.arrive(*state)
         return sums, back.o, back.d

@@ -7,7 +7,7 @@ of the trees of rays is stored in between. Large images are rendered a band of r
 import math
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import drjit as dr
 import numpy as np
@@ -54,11 +54,12 @@ def render(
         raise ValueError(f"spp: expected a perfect square (1, 4, 9, 16, ...) up to {1 << 20}, got {spp!r}")
     if max_depth is not None and not _whole(max_depth, 1, MAX_DEPTH):
         raise ValueError(f"max_depth: expected a whole number from 1 to {MAX_DEPTH}, got {max_depth!r}")
-    scene = replace(scene, max_depth=max_depth or scene.max_depth, resolution=_resolution(resolution or scene.resolution))
-    _check_memory(scene)
+    width, height = _resolution(scene.resolution if resolution is None else resolution)
+    _check_memory(width, height, dr.itemsize_v(scene.background))
     parameters = scene.parameters()
     wrt = {name: value for name, value in parameters.items() if dr.grad_enabled(value)}
-    job = _Job(scene, dr.detach(parameters), side, progress)
+    still = dr.detach(parameters) if wrt else parameters
+    job = _Job(scene, still, (width, height), max_depth or scene.max_depth, side, progress)
     return dr.custom(_Render, wrt, job) if wrt else job.image()
 
 
@@ -73,9 +74,8 @@ def _resolution(resolution: object) -> tuple[int, int]:
     return int(pair[0]), int(pair[1])
 
 
-def _check_memory(scene: Scene) -> None:
-    width, height = scene.resolution
-    need, have = width * height * 3 * dr.itemsize_v(scene.background), os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+def _check_memory(width: int, height: int, size: int) -> None:
+    need, have = width * height * 3 * size, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if need > have / 2 or width * height * 3 >= 1 << 32:
         gib = 1 << 30
         raise ValueError(f"resolution: an image of {width} x {height} takes {need / gib:.1f} GiB, too much; use a smaller one")
@@ -101,6 +101,8 @@ class _Job:
 
     scene: Scene
     parameters: dict[str, Array]
+    resolution: tuple[int, int]
+    max_depth: int
     side: int
     progress: Callable[[float], None] | None
 
@@ -108,11 +110,11 @@ class _Job:
     def limits(self) -> Limits:
         scene = self.scene
         importance = dr.opaque(type(scene.camera.fov), scene.min_importance) if scene.min_importance > 0 else None
-        return Limits(scene.max_depth, dr.opaque(ad.UInt32, scene.max_depth), importance)
+        return Limits(self.max_depth, dr.opaque(ad.UInt32, self.max_depth), importance)
 
     def bands(self) -> Iterator[tuple[int, int, Film]]:
         """First row, rows, and film of each band."""
-        width, height = self.scene.resolution
+        width, height = self.resolution
         rows = max(4, BAND // (width * self.side**2) // 4 * 4)
         for first in range(0, height, rows):
             count = min(rows, height - first)
@@ -137,7 +139,7 @@ class _Job:
 
     def _assemble(self, kernel: Callable[[Film], Array]) -> Array:
         """The bands' pixels as one tensor."""
-        width, height = self.scene.resolution
+        width, height = self.resolution
         single = type(self.scene.camera.fov) is ad.Float
         whole: Array = None
         for first, rows, film in self.bands():

@@ -109,7 +109,7 @@ class Scene:
         _check_names(values.keys(), known)
         scene = self.carrying({name: _as_parameter(name, value, self._read(known[name])) for name, value in values.items()})
         nonzero = tuple(sorted({*self.nonzero, *values.keys()}))
-        return replace(scene, nonzero=nonzero)
+        return scene._with({"nonzero": nonzero})
 
     def carrying(self, values: Mapping[str, Array]) -> "Scene":
         """The scene with these arrays for its parameters, unchecked and of any width."""
@@ -129,7 +129,13 @@ class Scene:
                 group = groups.setdefault(kind, list(getattr(self, kind)))
                 group[position] = replace(group[position], **new)
         changes.update({kind: tuple(group) for kind, group in groups.items()})
-        return replace(self, **changes)  # type: ignore[arg-type]
+        return self._with(changes)
+
+    def _with(self, changes: dict) -> "Scene":
+        """A copy with these fields, which has the same parameters."""
+        scene = replace(self, **changes)
+        scene.__dict__["_locations"] = self._locations
+        return scene
 
     @cached_property
     def _locations(self) -> dict[str, tuple[str, int, str]]:
@@ -157,7 +163,7 @@ class Scene:
     @cached_property
     def used(self) -> tuple[Material, ...]:
         """The materials that some primitive is made of."""
-        names = {primitive.material for primitive in (*self.spheres, *self.planes)}
+        names = {sphere.material for sphere in self.spheres} | {plane.material for plane in self.planes}
         return tuple(material for material in self.materials if material.name in names)
 
     def may(self, material: Material, field: str) -> bool:
