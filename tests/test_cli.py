@@ -27,6 +27,7 @@ def test_render_writes_exr_and_png(tmp_path, capsys):
     assert wt.read_image(tmp_path / "a.png").shape == (16, 24, 3)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "a.png"]
     text = capsys.readouterr().out
+    assert "of its pixels clipped to [0, 1]" in text
     for part in ("24 x 16, spp 4, depth 3, single precision", "3 spheres, 5 planes", "operations", "compile", "run"):
         assert part in text
 
@@ -144,3 +145,9 @@ def test_without_llvm(tmp_path):
     assert process.returncode == 2
     assert missing in process.stderr
     assert process.stderr.count("\n") == 1
+
+
+def test_folder_that_cannot_be_written_to(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    assert run(["render", str(SCENE), "-o", str(tmp_path / "a.exr")]) == 2
+    check_refusal(tmp_path, capsys, "cannot be written to; choose another")

@@ -8,7 +8,7 @@ import pytest
 from drjit.llvm import ad
 from PIL import Image
 
-from whitted.image import from_srgb, read_image, to_srgb, write_image
+from whitted.image import clipped, from_srgb, read_image, to_srgb, write_image
 
 
 @pytest.fixture
@@ -49,6 +49,12 @@ def test_png_is_srgb_of_the_clipped_values(tmp_path, pixels):
     assert (stored[pixels >= 1] == 255).all()
     # Half a step of 8 bits, where the encoding is steepest the inverse is flattest: 1 / (2 * 255) of the encoded value
     np.testing.assert_allclose(to_srgb(read_image(tmp_path / "a.png").numpy()), to_srgb(pixels), atol=0.5 / 255 + 1e-6)
+
+
+def test_clipped_counts_pixels():
+    image = np.full((2, 2, 3), 0.5)
+    image[0, 0, 1], image[1, 1] = 1.5, np.nan
+    assert clipped(image) == 0.5
 
 
 def test_srgb_known_values():

@@ -1,6 +1,7 @@
 """The command line: parses, calls, prints errors; no logic of its own."""
 
 import hashlib
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -83,18 +84,20 @@ def _check_output(output: Path) -> None:
         raise ValueError(f"{output}: expected a file name that ends in .exr")
     if not output.parent.is_dir():
         raise ValueError(f"{output}: there is no folder '{output.parent}'; make it first")
+    if not os.access(output.parent, os.W_OK):
+        raise ValueError(f"{output}: the folder '{output.parent}' cannot be written to; choose another")
     for path in (output, output.with_suffix(".png")):
         if path.is_dir():
             raise ValueError(f"{path}: is a folder; name a file")
 
 
 def _write(output: Path, image: object, metadata: dict[str, str | int | float]) -> None:
-    from .image import write_image
+    from .image import clipped, write_image
 
     preview = output.with_suffix(".png")
     write_image(output, image, metadata)
     write_image(preview, image)
-    typer.echo(f"wrote {output} and {preview}")
+    typer.echo(f"wrote {output}, and {preview} as sRGB with {clipped(image):.2%} of its pixels clipped to [0, 1]")
 
 
 @contextmanager

@@ -27,7 +27,7 @@ def write_image(path: str | Path, image: object, metadata: Mapping[str, str | in
         OSError: the file cannot be written; an old one is left as it was.
     """
     path = Path(path)
-    pixels = np.asarray(image.numpy() if hasattr(image, "numpy") else image)
+    pixels = _pixels(image)
     if pixels.ndim != 3 or pixels.shape[2] != 3 or 0 in pixels.shape:
         raise ValueError(f"{path}: expected an image of shape (height, width, 3), got {pixels.shape}")
     if _ending(path) == ".exr":
@@ -63,6 +63,16 @@ def to_srgb(linear: np.ndarray) -> np.ndarray:
 def from_srgb(encoded: np.ndarray) -> np.ndarray:
     """sRGB in [0, 1] as linear values."""
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
+def clipped(image: object) -> float:
+    """The fraction of an image's pixels that a PNG cannot hold: some channel is above 1, below 0, or not a number."""
+    pixels = _pixels(image)
+    return float(np.mean([np.mean(~((row >= 0) & (row <= 1)).all(axis=-1)) for row in pixels]))
+
+
+def _pixels(image: object) -> np.ndarray:
+    return np.asarray(image.numpy() if hasattr(image, "numpy") else image)
 
 
 def _ending(path: Path) -> str:

@@ -21,6 +21,7 @@ from .trace import Limits
 
 # Samples in a band: enough to keep all cores busy, few enough to report progress and to stop between two of them
 BAND = 1 << 22
+MAX_SPP = 1 << 16
 
 
 def render(
@@ -49,9 +50,9 @@ def render(
     """
     if boundary:
         raise ValueError("boundary=True: this version has no boundary term; pass boundary=False")
-    side = math.isqrt(spp) if _whole(spp, 1, 1 << 20) else 0
+    side = math.isqrt(spp) if _whole(spp, 1, MAX_SPP) else 0
     if side * side != spp or not side:
-        raise ValueError(f"spp: expected a perfect square (1, 4, 9, 16, ...) up to {1 << 20}, got {spp!r}")
+        raise ValueError(f"spp: expected a perfect square (1, 4, 9, 16, ...) up to {MAX_SPP}, got {spp!r}")
     if max_depth is not None and not _whole(max_depth, 1, MAX_DEPTH):
         raise ValueError(f"max_depth: expected a whole number from 1 to {MAX_DEPTH}, got {max_depth!r}")
     width, height = _resolution(scene.resolution if resolution is None else resolution)
