@@ -1,0 +1,86 @@
+"""A gradient checker: forward mode against central differences, and reverse mode against forward mode.
+
+Central differences are taken in float64. They see jumps, which derivatives of samples leave out, so that a number of
+the image counts only where the differences to both sides agree: no edge has crossed its sample in between.
+"""
+
+from dataclasses import dataclass
+
+import drjit as dr
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Forward mode against differences, in one direction of parameter space."""
+
+    forward: np.ndarray
+    differences: np.ndarray
+    smooth: np.ndarray  # bool: no edge crossed the sample
+
+    @property
+    def error(self):
+        """The largest error where the image is smooth, relative to the largest derivative there."""
+        scale = abs(self.differences[self.smooth]).max(initial=0) or 1.0
+        return abs(self.forward - self.differences)[self.smooth].max(initial=0) / scale
+
+
+def directions(values, seed=0):
+    """A random tangent for each parameter: name to array of the parameter's shape."""
+    rng = np.random.default_rng(seed)
+    return {name: rng.uniform(0.5, 1, np.shape(value.numpy())) * rng.choice([-1, 1]) for name, value in values.items()}
+
+
+def as_type(array, numbers):
+    """Numbers as a Dr.Jit array like another."""
+    return type(array)(*np.ravel(numbers).tolist())
+
+
+def jvp(function, values, tangents):
+    """The derivative of an image along the tangents, forward."""
+    inputs = {name: type(value)(value) for name, value in values.items()}
+    dr.enable_grad(inputs)
+    for name, value in inputs.items():
+        dr.set_grad(value, as_type(value, tangents[name]))
+    return dr.forward_to(function(inputs)).numpy()
+
+
+def vjp(function, values, weights):
+    """The derivatives of the weighted sum of an image's numbers, in reverse: name to array."""
+    inputs = {name: type(value)(value) for name, value in values.items()}
+    dr.enable_grad(inputs)
+    image = function(inputs)
+    dr.backward(dr.sum((image * type(image)(weights)).array))
+    return {name: np.ravel(dr.grad(value).numpy()) for name, value in inputs.items()}
+
+
+def compare(function, values, tangents, step=1e-5):
+    """Forward mode against central differences of fourth order, in double precision.
+
+    Args:
+        function: a dictionary of Dr.Jit arrays to an image.
+        values: where to differentiate.
+        tangents: name to array, the direction to differentiate in.
+        step: truncation is some step^4, rounding 1e-16 / step.
+    """
+
+    def at(t):
+        moved = {name: as_type(value, np.ravel(value.numpy()) + t * np.ravel(tangents[name])) for name, value in values.items()}
+        return function(moved).numpy()
+
+    center, right, left, far_right, far_left = (at(k * step) for k in (0, 1, -1, 2, -2))
+    differences = (8 * (right - left) - (far_right - far_left)) / (12 * step)
+    # A jump is of the size of radiance, a kink of the size of its slope: both are far above what curvature does
+    bend = abs(np.stack([right - 2 * center + left, far_right - 2 * center + far_left])).max(0) / step
+    smooth = bend <= 1e-2 * (abs(differences) + 1)
+    return Comparison(jvp(function, values, tangents), differences, smooth)
+
+
+def adjoint_error(function, values, tangents, seed=0):
+    """How far <w, J v> and <J' w, v> are apart, relative to the sum of the moduli of their terms."""
+    forward = jvp(function, values, tangents)
+    weights = np.random.default_rng(seed).uniform(-1, 1, forward.shape)
+    gradients = vjp(function, values, weights)
+    there = np.sum(weights * forward)
+    back = sum(np.sum(gradients[name] * np.ravel(tangents[name])) for name in values)
+    return abs(there - back) / (np.sum(abs(weights * forward)) or 1.0)
