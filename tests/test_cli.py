@@ -98,7 +98,7 @@ def test_output_that_cannot_be_written(capsys):
     if not Path("/proc/self").is_dir():
         pytest.skip("needs a folder that nobody can write to")
     assert run(["render", str(SCENE), "-o", "/proc/self/a.exr", "--size", "4x4"]) == 2
-    assert "/proc/self/a.exr: cannot be read or written" in capsys.readouterr().err
+    assert "/proc/self/a.exr: the folder '/proc/self' cannot be written to; choose another" in capsys.readouterr().err
 
 
 def test_bad_scene_lists_every_problem(tmp_path, capsys):
@@ -147,7 +147,10 @@ def test_without_llvm(tmp_path):
     assert process.stderr.count("\n") == 1
 
 
-def test_folder_that_cannot_be_written_to(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(os, "access", lambda *_: False)
-    assert run(["render", str(SCENE), "-o", str(tmp_path / "a.exr")]) == 2
-    check_refusal(tmp_path, capsys, "cannot be written to; choose another")
+def test_disk_that_is_full(tmp_path, capsys, monkeypatch):
+    def fail(path, *_):
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr("whitted.image.write_image", fail)
+    assert run(["render", str(SCENE), "-o", str(tmp_path / "a.exr"), "--size", "4x4"]) == 2
+    check_refusal(tmp_path, capsys, "a.exr: cannot be read or written: No space left on device")
