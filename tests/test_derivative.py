@@ -1,0 +1,184 @@
+"""Derivatives of images by every parameter, in both modes, against differences and against each other."""
+
+from pathlib import Path
+
+import drjit as dr
+import numpy as np
+import pytest
+from gradcheck import adjoint_error, compare, directions, jvp, vjp
+from samples import CAMERA, LIGHT, SECOND_LIGHT, SKY, plane, sphere
+
+from whitted.render import render
+from whitted.scene_file import load_scene
+
+SCENES = sorted((Path(__file__).parents[1] / "scenes").glob("*.toml"))
+
+# Every feature at once, all weights strictly between 0 and 1, no number of a parameter 0
+MATERIALS = """
+[materials.mirror]
+color = [0.2, 0.1, 0.15]
+specular = 0.5
+shininess = 9.5
+reflection = 0.8
+[materials.glass]
+color = [0.05, 0.1, 0.08]
+specular = 0.3
+shininess = 6.0
+reflection = 0.9
+refraction = 0.85
+ior = 1.5
+fresnel = true
+[materials.air]
+color = [0.04, 0.03, 0.05]
+reflection = 0.95
+refraction = 0.9
+ior = 1.05
+fresnel = true
+[materials.tinted]
+color = [0.1, 0.2, 0.1]
+specular = 0.2
+shininess = 12.0
+reflection = 0.3
+refraction = 0.6
+ior = 1.7
+[materials.checks]
+color = [0.9, 0.1, 0.2]
+specular = 0.1
+shininess = 3.5
+reflection = 0.15
+checker = { color = [0.1, 0.8, 0.7], size = 0.37 }
+"""
+OBJECTS = (
+    sphere([-0.8, -0.2, 0.1], 0.55, "glass")
+    + sphere([-0.75, -0.15, 0.15], 0.3, "air")
+    + sphere([0.7, -0.3, 0.5], 0.45, "tinted")
+    + sphere([0.15, 0.5, -0.6], 0.6, "mirror")
+    + plane([0.1, 2, 0.05], 0.8, "checks")
+)
+ALL = "max_depth = 4\n" + SKY + CAMERA + MATERIALS + OBJECTS + LIGHT + SECOND_LIGHT
+NAMES = [
+    *(f"spheres.sphere{k}.{field}" for k in range(4) for field in ("center", "radius")),
+    *(f"planes.plane0.{field}" for field in ("normal", "offset")),
+    *(
+        f"materials.{name}.{field}"
+        for name in ("mirror", "glass", "air", "tinted", "checks")
+        for field in ("color", "specular", "shininess", "reflection", "refraction", "ior")
+    ),
+    *(f"lights.light{k}.{field}" for k in range(2) for field in ("position", "intensity")),
+    *("camera.position", "camera.look_at", "camera.fov", "background", "ambient"),
+]
+# Nothing of these can be seen: opaque things have no index, and no light reaches the bubble through the glass
+WITHOUT_EFFECT = {"materials.mirror.ior", "materials.checks.ior", "materials.air.specular", "materials.air.shininess"}
+
+
+@pytest.fixture
+def image_of():
+    """A function from a scene to the function from values to its image."""
+    return lambda scene, **options: lambda values: render(scene.replace(values), **options)
+
+
+def test_all_parameters_are_tested(load):
+    assert sorted(load(ALL).parameters()) == sorted(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_derivative_is_that_of_differences(load, image_of, name):
+    scene = load(ALL)
+    image, values = image_of(scene, resolution=(24, 18)), scene.parameters(name)
+    compared = compare(image, values, directions(values))
+    assert compared.smooth.mean() > 0.5
+    # Rounding: 1e-16 * 1e1..1e2 of magnification over a step of 1e-5; truncation is far below
+    assert compared.error < 1e-6
+    assert np.any(compared.forward[compared.smooth]) == (name not in WITHOUT_EFFECT)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_reverse_mode_is_forward_mode_transposed(load, image_of, name):
+    scene = load(ALL)
+    values = scene.parameters(name)
+    assert adjoint_error(image_of(scene), values, directions(values)) < 1e-10
+
+
+@pytest.mark.parametrize(("depth", "importance"), [(1, 0), (7, 0), (7, 0.05)])
+def test_all_parameters_at_once(load, image_of, depth, importance):
+    scene = load(f"min_importance = {importance}\n" + ALL)
+    image, values = image_of(scene, max_depth=depth, spp=4), scene.parameters()
+    assert adjoint_error(image, values, directions(values)) < 1e-10
+    # Two halves add up: forward mode is linear in its direction
+    tangents = directions(values)
+    halves = [dict(list(values.items())[k::2]) for k in range(2)]
+    parts = sum(jvp(image, half, tangents) for half in halves)
+    together = jvp(image, values, tangents)
+    np.testing.assert_allclose(together, parts, rtol=0, atol=1e-10 * abs(together).max())
+
+
+def test_single_precision_has_the_same_derivatives(load, image_of):
+    """As a sum over the image, in which no edge's sample weighs much."""
+    gradients = {}
+    for precision in ("single", "double"):
+        scene = load(ALL, precision)
+        image, values = image_of(scene, max_depth=2), scene.parameters()
+        weights = np.random.default_rng(3).uniform(0, 1, (12, 16, 3)).astype(f"f{8 if precision == 'double' else 4}")
+        gradients[precision] = vjp(image, values, weights)
+    for name, exact in gradients["double"].items():
+        scale = abs(exact).max() or 1
+        # Hundreds of terms of both signs with errors of 1e-6 each at curved surfaces
+        np.testing.assert_allclose(gradients["single"][name], exact, rtol=0, atol=1e-3 * scale, err_msg=name)
+
+
+def test_derivative_by_a_reflection_of_zero_is_what_the_mirror_would_show(load, image_of):
+    """L = (light of the surface) + reflection * (radiance of the mirrored ray), down to reflection = 0."""
+    dull = load(ALL.replace("reflection = 0.8", "reflection = 0"))
+    mirror = load(ALL.replace("reflection = 0.8", "reflection = 1"))
+    name = "materials.mirror.reflection"
+    # At depth 2 each camera ray meets the mirror at most once, as its first surface
+    image = image_of(dull, max_depth=2)
+    values = dull.parameters(name)
+    np.testing.assert_array_equal(values[name].numpy(), 0)
+    shown = render(mirror, max_depth=2).numpy() - render(dull, max_depth=2).numpy()
+    assert shown.max() > 0.1
+    one = {name: np.ones(1)}
+    np.testing.assert_allclose(jvp(image, values, one), shown, rtol=0, atol=1e-14)
+    weights = np.random.default_rng(2).uniform(-1, 1, shown.shape)
+    np.testing.assert_allclose(vjp(image, values, weights)[name], np.sum(weights * shown), rtol=1e-12)
+
+
+@pytest.mark.parametrize("field", ["reflection", "refraction"])
+@pytest.mark.parametrize("material", ["glass", "tinted"])
+def test_derivative_by_a_weight_of_zero_in_glass(load, image_of, material, field):
+    """Glass that neither shows nor passes anything yet: the image is linear in a weight up to the tree's next such node."""
+    head, tail = ALL.split(f"[materials.{material}]")
+    body, *rest = tail.split("[materials.", 1)
+    lines = [f"{field} = 0" if line.startswith(field) else line for line in body.splitlines()]
+    scene = load("[materials.".join([head + f"[materials.{material}]" + "\n".join(lines) + "\n", *rest]))
+    name = f"materials.{material}.{field}"
+    values, image = scene.parameters(name), image_of(scene, max_depth=2)
+    if field == "refraction":
+        # Without it the sphere holds no medium; its weight is a product with rays that are bent by none
+        tangent = jvp(image, values, {name: np.ones(1)})
+        assert np.isfinite(tangent).all()
+        assert np.any(tangent)
+        return
+    compared = compare(image, values, {name: np.ones(1)})
+    assert compared.error < 1e-6
+    assert np.any(compared.forward[compared.smooth])
+    assert adjoint_error(image, values, {name: np.ones(1)}) < 1e-10
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_gradients_of_example_scenes_are_finite(path, precision):
+    scene = load_scene(path, precision)
+    params = scene.parameters()
+    dr.enable_grad(params)
+    image = render(scene.replace(params), resolution=(32, 32), max_depth=6)
+    dr.backward(dr.sum(image.array))
+    for name, value in params.items():
+        assert np.isfinite(dr.grad(value).numpy()).all(), name
+    assert any(np.any(dr.grad(value).numpy()) for value in params.values())
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_reverse_mode_is_forward_mode_in_example_scenes(path, image_of):
+    scene = load_scene(path, "double")
+    values = scene.parameters()
+    assert adjoint_error(image_of(scene, resolution=(32, 32)), values, directions(values)) < 1e-10
