@@ -68,7 +68,6 @@ def test_tangent_ray(precision, wide, offset):
             assert dr.detach(t).numpy()[0] == pytest.approx(3, abs=math.sqrt(2 * abs(offset) + 20 * EPSILON[precision]))
 
 
-@pytest.mark.xfail(strict=True, reason="a discriminant of 0 is a hit to the search, and none to shadows")
 @pytest.mark.parametrize("wide", [False, True])
 def test_exactly_tangent_ray_is_the_same_to_search_and_shadow(precision, wide):
     """Stress 1."""

@@ -15,6 +15,7 @@ class Film:
 
     pixels: int
     lanes: int  # pixels, rounded up to whole 4 x 4 blocks
+    count: Array  # Int: the same
     width: Array  # Int
     rows: Array  # Int: rows in this band
     row_of_blocks: Array  # Int: lanes in a row of 4 x 4 blocks
@@ -35,10 +36,12 @@ def band(resolution: tuple[int, int], first_row: int, rows: int, side: int, real
     """
     width, height = resolution
     blocks = -(-width // 4)
+    lanes = 16 * blocks * -(-rows // 4)
     vector = ad.Array2f if real is ad.Float else ad.Array2f64
     return Film(
         pixels=width * rows,
-        lanes=16 * blocks * -(-rows // 4),
+        lanes=lanes,
+        count=dr.opaque(ad.Int, lanes),
         width=dr.opaque(ad.Int, width),
         rows=dr.opaque(ad.Int, rows),
         row_of_blocks=dr.opaque(ad.Int, 16 * blocks),

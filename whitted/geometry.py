@@ -114,8 +114,7 @@ def sphere_distance(sphere: Sphere, ray: Ray, on: Array) -> tuple[Array, Array, 
         near, far = b - half, b + half
         within = near <= 0
     t = dr.select(on, dr.fmax(2 * b, 0), dr.select(within, far, near))
-    # NaN where the line misses: every comparison with it is false
-    return t, dr.select(on, ray.inward, t > 0), on | within
+    return t, dr.select(on, ray.inward, (discriminant > 0) & (t > 0)), on | within
 
 
 def plane_distance(plane: Plane, ray: Ray) -> Array:

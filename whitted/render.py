@@ -58,6 +58,8 @@ def render(
     width, height = _resolution(scene.resolution if resolution is None else resolution)
     _check_memory(width, height, dr.itemsize_v(scene.background))
     parameters = scene.parameters()
+    # A value that is part of the code would be a kernel of its own
+    dr.make_opaque(parameters)
     wrt = {name: value for name, value in parameters.items() if dr.grad_enabled(value)}
     still = dr.detach(parameters) if wrt else parameters
     job = _Job(scene, still, (width, height), max_depth or scene.max_depth, side, progress)
@@ -125,9 +127,11 @@ class _Job:
         return self._assemble(lambda film: wavefront.image(*self._inputs(film)))
 
     def tangent(self, wrt: dict, tangents: dict) -> Array:
+        dr.make_opaque(tangents)
         return self._assemble(lambda film: wavefront.image_jvp(*self._inputs(film), dict(wrt), dict(tangents)))
 
     def adjoint(self, wrt: dict, image: Array) -> dict:
+        dr.make_opaque(image)
         total: dict | None = None
         for first, rows, film in self.bands():
             part = image.array if rows == image.shape[0] else image[first : first + rows].array

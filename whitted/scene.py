@@ -208,15 +208,15 @@ def _check_names(names: Iterable[str], known: Mapping[str, object]) -> None:
 def _as_parameter(name: str, value: object, old: Array) -> Array:
     """The value as an array of the old one's type."""
     want, size = ("one vector of three numbers", 3) if dr.depth_v(old) == 2 else ("one number", 1)
-    if dr.is_jit_v(value):
-        if dr.depth_v(value) != dr.depth_v(old) or dr.width(value) != 1:
+    if value is not None and dr.is_jit_v(value):
+        if (dr.depth_v(value), dr.size_v(value)) != (dr.depth_v(old), dr.size_v(old)) or dr.width(value) != 1:
             raise ValueError(f"{name}: expected {want}, got {type(value).__name__} of shape {dr.shape(value)}")
         return value if type(value) is type(old) else type(old)(value)
     try:
         numbers = np.asarray(value, dtype=np.float64).ravel()
     except (TypeError, ValueError):
         numbers = np.empty(0)
-    if numbers.size != size:
+    if numbers.size != size or not np.isfinite(numbers).all():
         raise ValueError(f"{name}: expected {want}, got {value!r}")
     return type(old)(*numbers.tolist())
 

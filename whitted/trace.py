@@ -72,7 +72,8 @@ def scatter(scene: Scene, ray: Ray, at: Surface) -> list[Branch]:
     cos_theta_i = dr.fmax(-dr.dot(at.n, ray.d), 0)
     eta = relative_index(scene, at)
     squared, total = transmission(cos_theta_i, eta)
-    cos_theta_t = dr.sqrt(dr.select(squared > 0, squared, 1))
+    positive = squared > 0
+    cos_theta_t = dr.select(positive, dr.sqrt(dr.select(positive, squared, 1)), 0)
     mirror_weight, weight = reflection + dr.select(total, refraction, 0), dr.select(total, 0, refraction)
     if any(m.fresnel for m in scene.used):
         reflectance = dr.select(total, 1, fresnel(cos_theta_i, cos_theta_t, eta))

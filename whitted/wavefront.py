@@ -110,6 +110,7 @@ def _vjp(scene: Scene, camera: View, film: Film, limits: Limits, inputs: dict, a
     """The derivatives of dot(adjoint, image) by the prepared parameters."""
     real, color = type(film.size.x), type(scene.background)
     lanes = min(film.lanes, REVERSE_LANES)
+    stride = dr.minimum(film.count, REVERSE_LANES)
     # Adding a zero that the compiler cannot see keeps the derivatives of each lane apart
     nothing = real(dr.arange(ad.Int, lanes) >> 31)
     wide = {name: value + nothing for name, value in inputs.items()}
@@ -128,8 +129,8 @@ def _vjp(scene: Scene, camera: View, film: Film, limits: Limits, inputs: dict, a
             sums = sums | {name: sums[name] + dr.grad(value) for name, value in moving.items()}
         i, j = next_sample(film, i, j)
         done = j == film.side
-        index = dr.select(done, index + lanes, index)
-        return index, i, dr.select(done, 0, j), sums, index < film.lanes
+        index = dr.select(done, index + stride, index)
+        return index, i, dr.select(done, 0, j), sums, index < film.count
 
     zero = dr.zeros(ad.Int, lanes)
     sums = {name: dr.zeros(type(value), lanes) for name, value in inputs.items()}
