@@ -54,22 +54,26 @@ def configure() -> Library:
 
 @cache
 def _outcome() -> Library | BackendError:
-    if "drjit" in sys.modules:
+    imported = "drjit" in sys.modules
+    if imported:
         library = Library(os.environ.get(VARIABLE, "libLLVM"), None, "drjit was imported before whitted and had chosen it")
-        fault = f"drjit was imported before whitted and found no usable LLVM; import whitted first, or set {VARIABLE}"
     else:
         try:
             library = choose(search_folders(os.environ), os.environ)
         except BackendError as error:
             return error
-        fault = f"Dr.Jit cannot use {library.path}; {remedy(os.environ)}"
     try:
         import drjit
     except (ImportError, NameError) as error:  # Dr.Jit's own handling of the first runs into the second
         return BackendError(f"Dr.Jit cannot be imported: {error.__context__ or error}; install what is missing (setup does)")
 
-    working = drjit.has_backend(drjit.JitBackend.LLVM)
-    return replace(library, version=drjit.detail.llvm_version()[0]) if working else BackendError(fault)
+    if drjit.has_backend(drjit.JitBackend.LLVM):
+        return replace(library, version=drjit.detail.llvm_version()[0])
+    if imported:
+        return BackendError(
+            f"drjit was imported before whitted and found no usable LLVM; import whitted first, or set {VARIABLE}"
+        )
+    return BackendError(f"Dr.Jit cannot use {library.path}; {remedy(os.environ)}")
 
 
 def choose(folders: Sequence[Path], environ: MutableMapping[str, str]) -> Library:
