@@ -73,7 +73,7 @@ def plot(table: list[dict], path: Path) -> None:
         panel.set(title=name, yscale="log", ylim=(1e-4, 500))
         panel.grid(alpha=0.3)
     panels[0].set_ylabel("seconds")
-    panels[0].legend(loc="center right")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     figure.savefig(path, dpi=120)
 
 
