@@ -7,8 +7,9 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "whitted"
 ORDER = [
-    *("llvm", "geometry", "optics", "camera", "scene", "schema", "scene_file", "surface", "shading", "stack", "trace"),
-    *("derivative", "film", "wavefront", "render", "image", "timing", "about", "cli"),
+    *("llvm", "geometry", "optics", "camera", "scene", "schema", "scene_file", "surface", "shading"),
+    *("decisions", "stack", "trace", "chain", "events", "derivative", "film", "crossing", "wavefront", "probe", "edges"),
+    *("boundary", "render", "image", "timing", "about", "cli"),
 ]
 
 

@@ -41,3 +41,8 @@ def primary_ray(view: View, u: Array, v: Array) -> Ray:
     d = dr.normalize(dr.fma(view.right, u, dr.fma(view.up, v, view.forward)))
     uint, mask = dr.uint32_array_t(type(u)), dr.mask_t(u)
     return Ray(view.origin + dr.zeros(type(d)), d, uint(NONE), mask(False))
+
+
+def image_ray(view: View, size: Array, x: Array, y: Array) -> Ray:
+    """The ray through an image position in pixels; `size` holds the image's width and height."""
+    return primary_ray(view, 2 * x / size.x - 1, 1 - 2 * y / size.y)

@@ -14,6 +14,8 @@ from typing import Any
 
 import drjit as dr
 
+from .chain import Arrival, Path, take, turn
+from .events import Event, level_function
 from .geometry import Array, Ray
 from .scene import Hit, Scene, closest_hit
 from .shading import emitted
@@ -50,13 +52,8 @@ def radiance_jvp(scene: Scene, tangents: Parameters, ray: Ray, o_slope: Array, d
     """
 
     def node(path, slope, result, stack, active):
-        o, d, weight, links = path
-        still, depth = unpack(o, d, links)
-        inputs = dr.detach((o, d, weight, scene.parameters(*tangents) if tangents else {}))
-        dr.enable_grad(inputs)
-        dr.set_grad(inputs, (*slope, dict(tangents)))
-        o, d, weight, values = inputs
-        moving, ray = scene.carrying(values), Ray(o, d, still.source, still.inward)
+        inputs, moving, ray, depth = _moving(scene, tangents, path, slope)
+        still, weight = dr.detach(ray), inputs[2]
         at = surface(moving, ray, closest_hit(scene, still))
         light = weight * emitted(moving, ray, at)
         branches = children(moving, ray, at, weight, depth, limits)
@@ -80,6 +77,44 @@ def radiance_jvp(scene: Scene, tangents: Parameters, ray: Ray, o_slope: Array, d
     return dr.while_loop(state, lambda *state: state[-1], node, mode="symbolic", label="radiance_jvp")[2]
 
 
+def level_jvp(
+    scene: Scene, tangents: Parameters, ray: Ray, o_slope: Array, d_slope: Array, limits: Limits, edge: "Edge"
+) -> Array:
+    """The derivative of the level function of an event at the end of a chain, like `radiance_jvp`."""
+
+    def bounce(path, slope, active):
+        inputs, moving, ray, depth = _moving(scene, tangents, path, slope)
+        at = surface(moving, ray, closest_hit(scene, dr.detach(ray)))
+        child, _ = take(children(moving, ray, at, inputs[2], depth, limits), turn(edge.path, depth - 1))
+        outputs = at.p, child.direction, inputs[2] * child.weight
+        push_forward(inputs)
+        link = pack(at.hit.index, child.inward, depth + 1)
+        return (*dr.detach(outputs), link), tuple(dr.grad(x) for x in outputs), child.active & (depth < edge.path.bounces)
+
+    width = dr.width(ray)
+    path = (*start(ray), pack(ray.source, ray.inward, dr.ones(type(ray.source), width)))
+    dark = dr.zeros(type(ray.o), width)
+    state: Any = path, (o_slope + dark, d_slope + dark, dr.zeros(type(ray.o.x), width)), edge.path.bounces > 0
+    if reflects(scene):
+        state = dr.while_loop(state, lambda *state: state[-1], bounce, mode="symbolic", label="level_jvp")
+    inputs, moving, ray, _ = _moving(scene, tangents, *state[:2])
+    value, faint = level_function(moving, Arrival(ray, inputs[2]), edge.event, limits)
+    value += faint * inputs[2]
+    push_forward(inputs)
+    return dr.grad(value)
+
+
+def _moving(scene: Scene, tangents: Parameters, path: tuple, slope: tuple) -> tuple:
+    """Inputs of a node with their tangents, the scene and the ray that they make, and the node's depth."""
+    o, d, weight, links = path
+    still, depth = unpack(o, d, links)
+    inputs = dr.detach((o, d, weight, scene.parameters(*tangents) if tangents else {}))
+    dr.enable_grad(inputs)
+    dr.set_grad(inputs, (*slope, dict(tangents)))
+    o, d, weight, values = inputs
+    return inputs, scene.carrying(values), Ray(o, d, still.source, still.inward), depth
+
+
 @dataclass
 class Adjoint:
     """What a traced ray returns to its parent (not frozen: Dr.Jit's loops write to their state)."""
@@ -101,7 +136,16 @@ def radiance_vjp(scene: Scene, sums: Parameters, wide: Parameters, ray: Ray, see
     Returns:
         The sums with these rays' derivatives added, and the derivatives by the rays' origins and directions.
     """
-    tree = _Tree(scene, wide, seed, limits)
+    return _walk(_Tree(scene, wide, seed, limits), sums, ray)
+
+
+def level_vjp(scene: Scene, sums: Parameters, wide: Parameters, ray: Ray, seed: Array, limits: Limits, edge: "Edge") -> tuple:
+    """The derivatives of seed * (level function of an event at the end of a chain), like `radiance_vjp`."""
+    return _walk(_Chain(scene, wide, seed, limits, edge), sums, ray)
+
+
+def _walk(tree: "_Tree", sums: Parameters, ray: Ray) -> tuple:
+    scene, limits = tree.scene, tree.limits
 
     def step(ray, weight, back, stack, sums, tracing):
         state = ray, weight, back, stack, sums
@@ -181,6 +225,47 @@ class _Tree:
             stack = stack.push(both, o, d, back.o, back.d, t, weight, value, index | _bit(inside, 16))
             ray, weight = Ray(dr.detach(at.p), second.direction, index, second.inward), weight * second.weight
         return ray, weight, back, stack, sums, both
+
+
+@dataclass(frozen=True)
+class Edge:
+    """An event, and the path to its node."""
+
+    path: Path
+    event: Event
+
+
+@dataclass(frozen=True)
+class _Chain(_Tree):
+    """A walk along one chain, to the level function at its end and back."""
+
+    edge: Edge
+
+    def arrive(self, ray, weight, back, stack, sums):
+        """Trace a ray: go on with the child that the path takes, and at its end differentiate the level function."""
+
+        def onward(ray, weight, back, stack, sums):
+            hit = closest_hit(self.scene, ray)
+            at = surface(self.scene, ray, hit)
+            branches = children(self.scene, ray, at, weight, stack.size + 1, self.limits)
+            child, first = take(branches, turn(self.edge.path, stack.size))
+            links = hit.index | _bit(hit.inside, 16) | _bit(first, 17)
+            nothing, zero = dr.zeros(type(ray.o), dr.width(weight)), dr.zeros(type(weight), dr.width(weight))
+            stack = stack.push(child.active, ray.o, ray.d, nothing, nothing, hit.t, weight, zero, links)
+            ray = Ray(at.p, child.direction, hit.index, child.inward)
+            return ray, weight * child.weight, back, stack, sums, child.active
+
+        def end(ray, weight, back, stack, sums):
+            moving, there, values = self.attached(ray)
+            value, faint = level_function(moving, Arrival(there, weight), self.edge.event, self.limits)
+            pull_back(self.seed * (value + faint * weight), dr.ones(type(weight)))
+            back = Adjoint(dr.grad(there.o), dr.grad(there.d), dr.detach(self.seed * faint))
+            return ray, weight, back, stack, _added(sums, values), dr.zeros(type(ray.inward), dr.width(weight))
+
+        state = ray, weight, back, stack, sums
+        if not reflects(self.scene):
+            return end(*state)
+        return dr.if_stmt(state, stack.size < self.edge.path.bounces, onward, end)
 
 
 def choose(condition: Array, a: Branch, b: Branch) -> Branch:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import drjit as dr
 from drjit.llvm import ad
 
-from .camera import View, primary_ray
+from .camera import View, image_ray
 from .geometry import Array, Ray
 
 
@@ -14,10 +14,12 @@ class Film:
     """A band of rows of an image. All but the first two are opaque to kernels, so that one serves every image."""
 
     pixels: int
-    lanes: int  # pixels, rounded up to whole 4 x 4 blocks
+    lanes: int  # pixels and their margin, rounded up to whole 4 x 4 blocks
+    labels: int  # samples, those of the margin included
     count: Array  # Int: the same
     width: Array  # Int
     rows: Array  # Int: rows in this band
+    margin: Array  # Int: pixels around the band that are traced for their labels
     row_of_blocks: Array  # Int: lanes in a row of 4 x 4 blocks
     side: Array  # Int: samples along a pixel's side
     first_row: Array  # as a real number, like the rest
@@ -25,7 +27,7 @@ class Film:
     size: Array  # Array2f: width and height of the whole image
 
 
-def band(resolution: tuple[int, int], first_row: int, rows: int, side: int, real: type) -> Film:
+def band(resolution: tuple[int, int], first_row: int, rows: int, side: int, real: type, margin: int = 0) -> Film:
     """The film of some rows of an image.
 
     Args:
@@ -33,17 +35,20 @@ def band(resolution: tuple[int, int], first_row: int, rows: int, side: int, real
         rows: so few that the band has less than 2^23 lanes.
         side: samples along a pixel's side.
         real: the Dr.Jit type of positions.
+        margin: pixels to add around the band.
     """
     width, height = resolution
-    blocks = -(-width // 4)
-    lanes = 16 * blocks * -(-rows // 4)
+    blocks = -(-(width + 2 * margin) // 4)
+    lanes = 16 * blocks * -(-(rows + 2 * margin) // 4)
     vector = ad.Array2f if real is ad.Float else ad.Array2f64
     return Film(
         pixels=width * rows,
         lanes=lanes,
+        labels=(width + 2 * margin) * (rows + 2 * margin) * side**2,
         count=dr.opaque(ad.Int, lanes),
         width=dr.opaque(ad.Int, width),
         rows=dr.opaque(ad.Int, rows),
+        margin=dr.opaque(ad.Int, margin),
         row_of_blocks=dr.opaque(ad.Int, 16 * blocks),
         side=dr.opaque(ad.Int, side),
         first_row=dr.opaque(real, first_row),
@@ -53,12 +58,16 @@ def band(resolution: tuple[int, int], first_row: int, rows: int, side: int, real
 
 
 def pixel(film: Film, index: Array) -> tuple[Array, Array, Array]:
-    """Column and row in the band of a lane's pixel, and whether it is in the band: 4 x 4 pixels share a packet."""
+    """Column and row in the band of a lane's pixel, and whether it is in the band or its margin.
+
+    A packet is 4 x 4 pixels.
+    """
     # Below 2^23 the quotient of floats is exact, and far cheaper than one of integers
     row = ad.Int((ad.Float(index) + 0.5) / ad.Float(film.row_of_blocks))
     within = index - row * film.row_of_blocks
     x, y = ((within >> 4) << 2) + (within & 3), (row << 2) + ((within >> 2) & 3)
-    return x, y, (x < film.width) & (y < film.rows)
+    x, y = x - film.margin, y - film.margin
+    return x, y, (x < film.width + film.margin) & (y < film.rows + film.margin)
 
 
 def next_sample(film: Film, i: Array, j: Array) -> tuple[Array, Array]:
@@ -70,6 +79,6 @@ def next_sample(film: Film, i: Array, j: Array) -> tuple[Array, Array]:
 def sample_ray(view: View, film: Film, x: Array, y: Array, i: Array, j: Array) -> Ray:
     """The primary ray of a pixel's sample (i, j), at ((i + 1/2) / side, (j + 1/2) / side) within the pixel."""
     real = type(film.step)
-    u = dr.fma(real(i) + 0.5, film.step, real(x))
-    v = dr.fma(real(j) + 0.5, film.step, real(y) + film.first_row)
-    return primary_ray(view, 2 * u / film.size.x - 1, 1 - 2 * v / film.size.y)
+    x = dr.fma(real(i) + 0.5, film.step, real(x))
+    y = dr.fma(real(j) + 0.5, film.step, real(y) + film.first_row)
+    return image_ray(view, film.size, x, y)

@@ -14,6 +14,7 @@ import numpy as np
 from drjit.llvm import ad
 
 from . import wavefront
+from .boundary import TERMS, Band, Correction, correct
 from .film import Film, band
 from .geometry import Array
 from .scene import MAX_DEPTH, Scene, Shape
@@ -28,7 +29,8 @@ def render(
     scene: Scene,
     spp: int = 1,
     *,
-    boundary: bool = False,
+    boundary: bool = True,
+    terms: str = "both",
     max_depth: int | None = None,
     resolution: tuple[int, int] | None = None,
     progress: Callable[[float], None] | None = None,
@@ -37,7 +39,9 @@ def render(
 
     Args:
         spp: samples a pixel, a perfect square n * n; they sit on a regular n x n grid.
-        boundary: must be False: what edges contribute when they move is not in this version.
+        boundary: find the edges between samples, which corrects the pixels and adds to the derivatives what moving
+            edges contribute; False gives plain samples and their derivatives, which miss it.
+        terms: of the derivatives: "both", or only the "interior" or the "boundary" term of their sum.
         max_depth: nodes on the longest chain of rays, in place of the scene's.
         resolution: width and height in pixels, in place of the scene's.
         progress: called with the fraction done, in (0, 1], after each band of rows.
@@ -48,8 +52,8 @@ def render(
     Raises:
         ValueError: an argument is out of range, or the image does not fit in memory.
     """
-    if boundary:
-        raise ValueError("boundary=True: this version has no boundary term; pass boundary=False")
+    if terms not in TERMS or (terms != "both" and not boundary):
+        raise ValueError(f"terms: expected one of {', '.join(TERMS)}, with boundary=True, got {terms!r}")
     side = math.isqrt(spp) if _whole(spp, 1, MAX_SPP) else 0
     if side * side != spp or not side:
         raise ValueError(f"spp: expected a perfect square (1, 4, 9, 16, ...) up to {MAX_SPP}, got {spp!r}")
@@ -62,7 +66,10 @@ def render(
     dr.make_opaque(parameters)
     wrt = {name: value for name, value in parameters.items() if dr.grad_enabled(value)}
     still = dr.detach(parameters) if wrt else parameters
-    job = _Job(scene, still, (width, height), max_depth or scene.max_depth, side, progress)
+    size, depth = (width, height), max_depth or scene.max_depth
+    job: _Job = _Job(scene, still, size, depth, side, progress)
+    if boundary:
+        job = _BoundaryJob(scene, still, size, depth, side, progress, terms, {} if wrt else None)
     return dr.custom(_Render, wrt, job) if wrt else job.image()
 
 
@@ -115,40 +122,43 @@ class _Job:
         importance = dr.opaque(type(scene.camera.fov), scene.min_importance) if scene.min_importance > 0 else None
         return Limits(self.max_depth, dr.opaque(ad.UInt32, self.max_depth), importance)
 
-    def bands(self) -> Iterator[tuple[int, int, Film]]:
-        """First row, rows, and film of each band."""
+    def bands(self) -> Iterator[tuple[int, int]]:
+        """First row and rows of each band."""
         width, height = self.resolution
         rows = max(4, BAND // (width * self.side**2) // 4 * 4)
         for first in range(0, height, rows):
-            count = min(rows, height - first)
-            yield first, count, band((width, height), first, count, self.side, type(self.scene.camera.fov))
+            yield first, min(rows, height - first)
 
     def image(self) -> Array:
-        return self._assemble(lambda film: wavefront.image(*self._inputs(film)))
+        return self._assemble(lambda *rows: wavefront.image(*self._inputs(*rows)))
 
     def tangent(self, wrt: dict, tangents: dict) -> Array:
         dr.make_opaque(tangents)
-        return self._assemble(lambda film: wavefront.image_jvp(*self._inputs(film), dict(wrt), dict(tangents)))
+        return self._assemble(lambda *rows: wavefront.image_jvp(*self._inputs(*rows), dict(wrt), dict(tangents)))
 
     def adjoint(self, wrt: dict, image: Array) -> dict:
         dr.make_opaque(image)
         total: dict | None = None
-        for first, rows, film in self.bands():
+        for first, rows in self.bands():
             part = image.array if rows == image.shape[0] else image[first : first + rows].array
-            gradients = wavefront.image_vjp(*self._inputs(film), dict(wrt), part)
+            gradients = self._adjoint(first, rows, dict(wrt), part)
             total = gradients if total is None else {name: total[name] + gradients[name] for name in total}
         return total or {}
 
-    def _inputs(self, film: Film) -> tuple[Shape, dict[str, Array], Film, Limits]:
+    def _adjoint(self, first: int, rows: int, wrt: dict, part: Array) -> dict:
+        return wavefront.image_vjp(*self._inputs(first, rows), wrt, part)
+
+    def _inputs(self, first: int, rows: int) -> tuple[Shape, dict[str, Array], Film, Limits]:
+        film = band(self.resolution, first, rows, self.side, type(self.scene.camera.fov))
         return self.scene.shape, self.parameters, film, self.limits
 
-    def _assemble(self, kernel: Callable[[Film], Array]) -> Array:
+    def _assemble(self, kernel: Callable[[int, int], Array]) -> Array:
         """The bands' pixels as one tensor."""
         width, height = self.resolution
         single = type(self.scene.camera.fov) is ad.Float
         whole: Array = None
-        for first, rows, film in self.bands():
-            pixels = kernel(film)
+        for first, rows in self.bands():
+            pixels = kernel(first, rows)
             if rows < height:
                 whole = np.empty(height * width * 3, np.float32 if single else np.float64) if first == 0 else whole
                 whole[first * width * 3 : (first + rows) * width * 3] = pixels.numpy()
@@ -158,3 +168,28 @@ class _Job:
                 dr.sync_thread()
                 self.progress((first + rows) / height)
         return (ad.TensorXf if single else ad.TensorXf64)((ad.Float if single else ad.Float64)(whole), (height, width, 3))
+
+
+@dataclass(frozen=True)
+class _BoundaryJob(_Job):
+    """One image with its edges; what is known of them is kept for the derivatives."""
+
+    terms: str = "both"
+    corrections: dict[int, Correction] | None = None
+
+    def image(self) -> Array:
+        return self._assemble(self._correct)
+
+    def _correct(self, first: int, rows: int) -> Array:
+        band = Band(self.scene.shape, self.parameters, self.limits, self.resolution, first, rows, self.side)
+        pixels, correction = correct(band)
+        if self.corrections is not None:
+            self.corrections[first] = correction
+        return pixels
+
+    def tangent(self, wrt: dict, tangents: dict) -> Array:
+        dr.make_opaque(tangents)
+        return self._assemble(lambda first, _: self.corrections[first].tangent(dict(wrt), dict(tangents), self.terms))
+
+    def _adjoint(self, first: int, rows: int, wrt: dict, part: Array) -> dict:
+        return self.corrections[first].adjoint(wrt, part, self.terms)

@@ -4,6 +4,8 @@ Source: T. Whitted, "An Improved Illumination Model for Shaded Display", CACM 23
 J. F. Blinn, "Models of Light Reflection for Computer Synthesized Pictures", SIGGRAPH 1977.
 """
 
+from dataclasses import dataclass
+
 import drjit as dr
 
 from .geometry import Array, Ray, safe_normalize
@@ -19,21 +21,35 @@ def emitted(scene: Scene, ray: Ray, at: Surface) -> Array:
     if any(scene.may(material, "specular") for material in scene.used):
         specular = lookup(scene, at, "specular", lambda m: scene.may(m, "specular"))
         shininess = lookup(scene, at, "shininess", lambda m: scene.may(m, "specular"))
-    still = dr.detach(scene)
-    for light, dark in zip(scene.lights, still.lights, strict=True):
-        to_light = light.position - at.p
-        squared = dr.squared_norm(to_light)
-        squared = dr.select(squared > 0, squared, 1)
-        distance = dr.sqrt(squared)
-        to_light /= distance
-        cos_light = dr.dot(at.n, to_light)
-        lit = at.hits & (cos_light > 0)
-        lit &= ~occluded(still, dr.detach(at.p), dark, dr.detach(to_light), dr.detach(distance), at.hit)
-        sent = color * cos_light
+    for light in scene.lights:
+        from_light = incident(scene, at, light)
+        sent = color * from_light.cosine
         if specular is not None:
-            sent += specular * blinn_phong(ray.d, at.n, to_light, shininess)
-        radiance += dr.select(lit, sent * received(light, squared), 0)
+            sent += specular * blinn_phong(ray.d, at.n, from_light.direction, shininess)
+        lit = at.hits & (from_light.cosine > 0) & ~from_light.blocked
+        radiance += dr.select(lit, sent * received(light, from_light.squared_distance), 0)
     return dr.select(at.hits, radiance, scene.background)
+
+
+@dataclass(frozen=True)
+class Incident:
+    """A light as a surface sees it."""
+
+    direction: Array  # unit vector to the light
+    squared_distance: Array
+    cosine: Array  # of the angle between the direction and the normal
+    blocked: Array  # Bool: something crosses the segment to the light
+
+
+def incident(scene: Scene, at: Surface, light: PointLight) -> Incident:
+    """Where a light is as seen from a surface, and whether anything is in between."""
+    direction = light.position - at.p
+    squared = dr.squared_norm(direction)
+    squared = dr.select(squared > 0, squared, 1)
+    distance = dr.sqrt(squared)
+    direction /= distance
+    segment = dr.detach((at.p, light, direction, distance))
+    return Incident(direction, squared, dr.dot(at.n, direction), occluded(dr.detach(scene), *segment, at.hit))
 
 
 def received(light: PointLight, squared_distance: Array) -> Array:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import drjit as dr
 
-from .geometry import NONE, Array, Ray, Sphere, level
+from .geometry import NONE, Array, Plane, Ray, Sphere, level
 from .scene import Hit, Material, Scene, starts_on
 
 
@@ -88,18 +88,26 @@ def albedo(scene: Scene, at: Surface) -> Array:
     for k, plane in enumerate(scene.planes, len(scene.spheres)):
         checker = materials[plane.material].checker
         if checker is not None:
-            odd = _odd_cell(dr.detach(at.p), dr.detach(plane.normal), checker.size)
+            u, v = on_plane(dr.detach(at.p), dr.detach(plane.normal))
+            cells = dr.floor(u / checker.size) + dr.floor(v / checker.size)
+            odd = cells - 2 * dr.floor(cells / 2) != 0
             color = dr.select((at.hit.index == k) & odd, type(color)(*checker.color), color)
     return color
 
 
-def _odd_cell(p: Array, normal: Array, size: float) -> Array:
-    """Parity of floor(u / size) + floor(v / size), u and v the coordinates off the normal's largest axis."""
+def on_plane(p: Array, normal: Array) -> tuple[Array, Array]:
+    """u and v on a plane: the coordinates of p off the normal's largest axis."""
     size_x, size_y, size_z = abs(normal.x), abs(normal.y), abs(normal.z)
     drop_x = (size_x >= size_y) & (size_x >= size_z)
     drop_y = ~drop_x & (size_y >= size_z)
-    cells = dr.floor(dr.select(drop_x, p.y, p.x) / size) + dr.floor(dr.select(drop_x | drop_y, p.z, p.y) / size)
-    return cells - 2 * dr.floor(cells / 2) != 0
+    return dr.select(drop_x, p.y, p.x), dr.select(drop_x | drop_y, p.z, p.y)
+
+
+def checkers(scene: Scene) -> list[tuple[int, Plane, float]]:
+    """The planes with a checkerboard, with their place among the primitives and the size of a cell."""
+    materials = {material.name: material for material in scene.used}
+    planes = [(k, plane, materials[plane.material].checker) for k, plane in enumerate(scene.planes, len(scene.spheres))]
+    return [(k, plane, checker.size) for k, plane, checker in planes if checker is not None]
 
 
 def transparent(scene: Scene) -> list[tuple[int, Sphere, Material]]:

@@ -15,12 +15,17 @@ from dataclasses import dataclass
 
 import drjit as dr
 
+from .decisions import decide, mix
 from .geometry import Array, Ray
 from .optics import fresnel, reflect, refract, transmission
 from .scene import Scene, closest_hit
 from .shading import emitted
 from .stack import Stack
 from .surface import Surface, any_of, lookup, relative_index, surface
+
+
+# Edges that change a pixel by less than this part of what a node sends are left to the samples
+FAINT = 1 / 64
 
 
 @dataclass
@@ -108,23 +113,43 @@ def radiance(scene: Scene, ray: Ray, limits: Limits) -> Array:
     Returns:
         Array3f, linear RGB.
     """
-    if not reflects(scene):
-        return emitted(scene, ray, surface(scene, ray, closest_hit(scene, ray)))
+    return _walk(scene, ray, limits, ())[0]
 
-    def node(path, result, stack, active):
+
+def labelled_radiance(scene: Scene, ray: Ray, limits: Limits) -> tuple[Array, Array]:
+    """Radiance along rays, and the labels of their trees: a hash of all decisions (`decisions.py`)."""
+    light, (label,) = _walk(scene, ray, limits, (dr.zeros(type(ray.source), dr.width(ray)),))
+    return light, label
+
+
+def _walk(scene: Scene, ray: Ray, limits: Limits, label: tuple) -> tuple[Array, tuple]:
+    """Radiance, and the label, if there is one, with all nodes' decisions mixed in."""
+
+    def look(at, weight, active, label):
+        counts = dr.abs(weight) >= FAINT
+        return tuple(dr.select(counts, mix(part, decide(scene, at, active)), part) for part in label)
+
+    if not reflects(scene):
+        at = surface(scene, ray, closest_hit(scene, ray))
+        return emitted(scene, ray, at), look(at, 1.0, [], label)
+
+    def node(path, result, label, stack, active):
         o, d, weight, links = path
         ray, depth = unpack(o, d, links)
         at = surface(scene, ray, closest_hit(scene, ray))
         result = dr.fma(weight, emitted(scene, ray, at), result)
         branches = children(scene, ray, at, weight, depth, limits)
+        traced = [branch.active for branch in branches]
+        label = look(at, weight, traced, label)
         paths = [(at.p, b.direction, weight * b.weight, pack(at.hit.index, b.inward, depth + 1)) for b in branches]
-        stack, active, path = go_on(stack, [b.active for b in branches], paths)
-        return path, result, stack, active
+        stack, active, path = go_on(stack, traced, paths)
+        return path, result, label, stack, active
 
     path = (*start(ray), pack(ray.source, ray.inward, dr.ones(type(ray.source), dr.width(ray))))
     stack = allocate(scene, limits, path)
-    state = path, dr.zeros(type(ray.o), dr.width(ray)), stack, dr.ones(type(ray.inward), dr.width(ray))
-    return dr.while_loop(state, lambda *state: state[-1], node, mode="symbolic", label="radiance")[1]
+    state = path, dr.zeros(type(ray.o), dr.width(ray)), label, stack, dr.ones(type(ray.inward), dr.width(ray))
+    state = dr.while_loop(state, lambda *state: state[-1], node, mode="symbolic", label="radiance")
+    return state[1], state[2]
 
 
 def start(ray: Ray) -> tuple[Array, Array, Array]:

@@ -15,22 +15,22 @@ from .derivative import pull_back, push_forward, radiance_jvp, radiance_vjp
 from .film import Film, next_sample, pixel, sample_ray
 from .geometry import Array
 from .scene import Scene, Shape
-from .trace import Limits, radiance
+from .trace import Limits, labelled_radiance, radiance
 
 # Lanes of the reverse kernel: each takes many pixels, so that little is left to sum
 REVERSE_LANES = 1 << 14
 
 
-def prepare(scene: Scene, film: Film) -> tuple[Scene, View]:
+def prepare(scene: Scene, size: Array) -> tuple[Scene, View]:
     """The scene with unit plane normals, and its camera's basis."""
     planes = tuple(replace(plane, normal=dr.normalize(plane.normal)) for plane in scene.planes)
-    prepared = replace(scene, planes=planes), view(scene.camera, film.size.x / film.size.y)
+    prepared = replace(scene, planes=planes), view(scene.camera, size.x / size.y)
     dr.eval(prepared)
     return prepared
 
 
 def accumulate(film: Film, of_sample: Callable[[Array, Array, Array, Array], Array], color: Any) -> Array:
-    """A band's pixels, row-major with RGB interleaved: the means of their samples.
+    """A band's pixels, row-major with RGB interleaved: the means of their samples; those of the margin are left out.
 
     Args:
         of_sample: pixel column and row in the band, and place (i, j) on the pixel's grid, to the sample's Array3f.
@@ -47,14 +47,15 @@ def accumulate(film: Film, of_sample: Callable[[Array, Array, Array, Array], Arr
     state: Any = zero, zero, dr.zeros(color, film.lanes), valid
     total = dr.while_loop(state, lambda *state: state[-1], sample, mode="symbolic", label="samples")[2]
     pixels: Array = dr.zeros(dr.value_t(color), film.pixels * 3)
-    dr.scatter(pixels, total * film.step * film.step, ad.UInt32(y * film.width + x), valid)
+    inside = valid & (x >= 0) & (y >= 0) & (x < film.width) & (y < film.rows)
+    dr.scatter(pixels, total * film.step * film.step, ad.UInt32(y * film.width + x), inside)
     return pixels
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
 def image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> Array:
     """A band's pixels, row-major with RGB interleaved."""
-    scene, camera = prepare(shape.filled(parameters), film)
+    scene, camera = prepare(shape.filled(parameters), film.size)
 
     def of_sample(x, y, i, j):
         return radiance(scene, sample_ray(camera, film, x, y, i, j), limits)
@@ -63,14 +64,30 @@ def image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> Array:
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
+def labelled_image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> tuple[Array, Array]:
+    """A band's pixels, and the labels of its samples and of those in its margin, row by row of samples."""
+    scene, camera = prepare(shape.filled(parameters), film.size)
+    labels = dr.zeros(ad.UInt32, film.labels)
+    row = (film.width + 2 * film.margin) * film.side
+
+    def of_sample(x, y, i, j):
+        color, label = labelled_radiance(scene, sample_ray(camera, film, x, y, i, j), limits)
+        index = ((y + film.margin) * film.side + j) * row + (x + film.margin) * film.side + i
+        dr.scatter(labels, label, ad.UInt32(index))
+        return color
+
+    return accumulate(film, of_sample, type(scene.background)), labels
+
+
+@dr.freeze(state_fn=None, warn_after=1 << 30)
 def image_jvp(shape: Shape, parameters: dict, film: Film, limits: Limits, wrt: dict, tangents: dict) -> Array:
     """The derivative of `image` along the tangents of the parameters `wrt`."""
     wrt = dr.detach(wrt)
     dr.enable_grad(wrt)
     dr.set_grad(wrt, tangents)
-    moving, moving_camera = prepare(shape.filled(parameters | wrt), film)
+    moving, moving_camera = prepare(shape.filled(parameters | wrt), film.size)
     push_forward(wrt)
-    tangents = {name: dr.grad(value) for name, value in _of_scene(moving, wrt).items()}
+    tangents = {name: dr.grad(value) for name, value in of_scene(moving, wrt).items()}
     camera_tangent = dr.grad(moving_camera)
     scene, camera = dr.detach(moving), dr.detach(moving_camera)
 
@@ -90,8 +107,8 @@ def image_vjp(shape: Shape, parameters: dict, film: Film, limits: Limits, wrt: d
     """The derivatives of dot(adjoint, image) by the parameters `wrt`."""
     wrt = dr.detach(wrt)
     dr.enable_grad(wrt)
-    scene, camera = prepare(shape.filled(parameters | wrt), film)
-    inputs = _of_scene(scene, wrt) | (vars(camera) if any(name.startswith("camera.") for name in wrt) else {})
+    scene, camera = prepare(shape.filled(parameters | wrt), film.size)
+    inputs = of_scene(scene, wrt) | (vars(camera) if any(name.startswith("camera.") for name in wrt) else {})
     gradients = _vjp(dr.detach(scene), dr.detach(camera), film, limits, dr.detach(inputs), adjoint)
     for name, value in inputs.items():
         dr.set_grad(value, gradients[name])
@@ -100,7 +117,7 @@ def image_vjp(shape: Shape, parameters: dict, film: Film, limits: Limits, wrt: d
     return dr.grad(wrt)
 
 
-def _of_scene(scene: Scene, wrt: dict) -> dict[str, Array]:
+def of_scene(scene: Scene, wrt: dict) -> dict[str, Array]:
     """The parameters that samples read from the scene, not from the camera's basis."""
     names = [name for name in wrt if not name.startswith("camera.")]
     return scene.parameters(*names) if names else {}
@@ -137,9 +154,9 @@ def _vjp(scene: Scene, camera: View, film: Film, limits: Limits, inputs: dict, a
     state = dr.arange(ad.Int, lanes), zero, zero, sums, dr.ones(ad.Bool, lanes)
     sums = dr.while_loop(state, lambda *state: state[-1], sample, mode="symbolic", label="samples")[3]
     dr.eval(sums)
-    return {name: _total(value) for name, value in sums.items()}
+    return {name: total(value) for name, value in sums.items()}
 
 
-def _total(value: Array) -> Array:
+def total(value: Array) -> Array:
     """The sum over lanes, of each component."""
     return dr.sum(value) if dr.depth_v(value) == 1 else type(value)(*(dr.sum(component) for component in value))

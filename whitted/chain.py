@@ -1,0 +1,121 @@
+"""One chain of rays in the tree: the way from the camera to the node where an edge has its cause.
+
+An edge of the image is one decision, at one node, that flips. The node is reached by one chain of reflections and
+refractions, so that finding the edge and its motion costs a chain, and not the tree.
+"""
+
+from dataclasses import dataclass
+
+import drjit as dr
+
+from .decisions import decide, mix
+from .geometry import Array, Ray
+from .scene import Scene, closest_hit
+from .surface import surface
+from .trace import FAINT, Branch, Limits, allocate, children, go_on, pack, reflects, start, unpack
+
+# Bounces whose choice between reflection and refraction a path remembers; beyond, where a node has both children, it
+# goes on with the reflected one
+REMEMBERED = 64
+
+
+@dataclass
+class Path:
+    """The way to a node (not frozen: Dr.Jit's loops write to their state)."""
+
+    bounces: Array  # UInt32: how many rays come before the node's own
+    turns: Array  # UInt64: a bit for each bounce, 1 where it goes on with the refracted ray
+
+
+@dataclass
+class Arrival:
+    """A ray that arrives at a node, and the product of weights down to it."""
+
+    ray: Ray
+    weight: Array
+
+
+def turn(path: Path, bounce: Array) -> Array:
+    """Whether a path goes on with the refracted ray of a node that sends both."""
+    return ((path.turns >> type(path.turns)(bounce)) & 1) != 0
+
+
+def take(branches: list[Branch], refracted: Array) -> tuple[Branch, Array]:
+    """The child that a path goes on with, and whether it is the first: the only active one, or the one it turns to."""
+    if len(branches) == 1:
+        return branches[0], type(refracted)(True)
+    a, b = branches
+    first = a.active & ~(b.active & refracted)
+    chosen = Branch(
+        dr.select(first, a.weight, b.weight),
+        dr.select(first, a.direction, b.direction),
+        dr.select(first, a.inward, b.inward),
+        a.active | b.active,
+    )
+    return chosen, first
+
+
+def follow(scene: Scene, ray: Ray, path: Path, limits: Limits) -> Arrival:
+    """Trace one chain down to its node."""
+    o, d, weight = start(ray)
+    width = dr.width(o)
+    nothing = dr.zeros(type(ray.source), width)
+    if not reflects(scene):
+        return Arrival(Ray(o, d, ray.source | nothing, ray.inward), weight)
+
+    def step(o, d, weight, links, active):
+        ray, depth = unpack(o, d, links)
+        at = surface(scene, ray, closest_hit(scene, ray))
+        child, _ = take(children(scene, ray, at, weight, depth, limits), turn(path, depth - 1))
+        links = pack(at.hit.index, child.inward, depth + 1)
+        return at.p, child.direction, weight * child.weight, links, child.active & (depth < path.bounces)
+
+    links = pack(ray.source, ray.inward, nothing + 1)
+    state = o, d, weight, links, path.bounces > 0
+    o, d, weight, links, _ = dr.while_loop(state, lambda *state: state[-1], step, mode="symbolic", label="follow")
+    return Arrival(unpack(o, d, links)[0], weight)
+
+
+def first_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> tuple[Path, Arrival, Arrival, Array]:
+    """Walk the trees of two rays at once, depth first, to the first node at which they decide differently.
+
+    Returns:
+        The path to the node, the two rays that arrive at it, and whether there is such a node.
+    """
+    color, uint = type(a.o), type(a.source)
+    long = dr.uint64_array_t(uint)
+
+    def node(pair, stack, found, active):
+        (oa, da, wa, links, turns), (ob, db, wb) = pair
+        ray, depth = unpack(oa, da, links)
+        other = Ray(ob, db, ray.source, ray.inward)
+        at, to = surface(scene, ray, closest_hit(scene, ray)), surface(scene, other, closest_hit(scene, other))
+        left, right = children(scene, ray, at, wa, depth, limits), children(scene, other, to, wb, depth, limits)
+        decided = [decide(scene, x, [branch.active for branch in y]) for x, y in ((at, left), (to, right))]
+        differ = (mix(uint(0), decided[0]) != mix(uint(0), decided[1])) & (dr.abs(wa) >= FAINT)
+        paths = []
+        for k, (x, y) in enumerate(zip(left, right, strict=True)):
+            onward = turns | (long(1) << dr.minimum(long(depth - 1), REMEMBERED - 1)) if k else turns
+            one = at.p, x.direction, wa * x.weight, pack(at.hit.index, x.inward, depth + 1), onward
+            paths.append((*one, to.p, y.direction, wb * y.weight))
+        if not paths:
+            return pair, stack, differ, dr.mask_t(active)(False)
+        stack, more, parts = go_on(stack, [branch.active & ~differ & (dr.abs(path[2]) >= FAINT) for branch, path in zip(left, paths)], paths)
+        more &= ~differ
+        onward = parts[:5], parts[5:]
+        return dr.select(differ, pair, onward), stack, differ, more
+
+    oa, da, wa = start(a)
+    ob, db, wb = start(b)
+    links = pack(a.source, a.inward, dr.ones(uint, dr.width(oa)))
+    pair = (oa, da, wa, links, dr.zeros(long, dr.width(oa))), (ob, db, wb)
+    mask = dr.zeros(type(a.inward), dr.width(oa))
+    state = pair, allocate(scene, limits, (*pair[0], *pair[1])), mask, ~mask
+    if reflects(scene):
+        state = dr.while_loop(state, lambda *state: state[-1], node, mode="symbolic", label="first_difference")
+    else:
+        state = node(*state)
+    ((oa, da, wa, links, turns), (ob, db, wb)), found = state[0], state[2]
+    ray, depth = unpack(oa, da, links)
+    path = Path(depth - 1, turns)
+    return path, Arrival(ray, wa), Arrival(Ray(ob, db, ray.source, ray.inward), wb), found

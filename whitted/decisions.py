@@ -1,0 +1,68 @@
+"""The discrete decisions at a node of the tree of rays, whose flips are the edges of the image.
+
+A sample's label is a hash of the decisions at all nodes of its tree. The radiance of samples with one label is one
+smooth function of the image position and the parameters; neighbours with different labels have an edge in between.
+"""
+
+from dataclasses import dataclass
+
+import drjit as dr
+
+from .geometry import Array
+from .scene import Scene
+from .shading import incident
+from .surface import Surface, any_of, checkers, on_plane
+
+
+@dataclass(frozen=True)
+class Decisions:
+    index: Array  # UInt32: the primitive that was hit, or NONE
+    inside: Array  # Bool: from within
+    cell: tuple[Array, ...]  # Int: column and row of the checkerboard, nothing in a scene without one
+    lights: tuple[Array, ...]  # Bool for each light: it is decisive for what the surface sends back
+    children: tuple[Array, ...]  # Bool for each child: it is traced
+
+
+def decide(scene: Scene, at: Surface, children: list[Array]) -> Decisions:
+    """The decisions at a node; its children are given as whether they are traced."""
+    lights = tuple(_decisive(scene, at, light) for light in scene.lights)
+    return Decisions(at.hit.index, at.hit.inside, _cell(scene, at), lights, tuple(children))
+
+
+def _cell(scene: Scene, at: Surface) -> tuple[Array, ...]:
+    boards = checkers(scene)
+    if not boards:
+        return ()
+    column = row = dr.int32_array_t(type(at.hit.t))(0)
+    for k, plane, size in boards:
+        u, v = on_plane(at.p, plane.normal)
+        here = at.hit.index == k
+        column = dr.select(here, type(column)(dr.floor(u / size)), column)
+        row = dr.select(here, type(row)(dr.floor(v / size)), row)
+    return column, row
+
+
+def _decisive(scene: Scene, at: Surface, light) -> Array:
+    """What of a light the radiance jumps with: a shadow, and on specular surfaces the terminator too."""
+    seen = incident(scene, at, light)
+    faces = at.hits & (seen.cosine > 0)
+    glossy = any_of(scene, at, lambda m: scene.may(m, "specular"))
+    matte = any_of(scene, at, lambda m: scene.may(m, "color") or m.checker is not None)
+    return dr.select(glossy, faces & ~seen.blocked, matte & faces & seen.blocked)
+
+
+def mix(label: Array, decisions: Decisions) -> Array:
+    """A label with the decisions of one more node hashed in (the mixing steps are MurmurHash3's, A. Appleby 2011)."""
+    flags = [decisions.inside, *decisions.children, *decisions.lights]
+    words = [decisions.index, *(type(label)(cell) for cell in decisions.cell)]
+    for first in range(0, len(flags), 32):
+        word = type(label)(0)
+        for bit, flag in enumerate(flags[first : first + 32]):
+            word |= dr.select(flag, type(label)(1 << bit), 0)
+        words.append(word)
+    for word in words:
+        word = word * 0xCC9E2D51
+        word = ((word << 15) | (word >> 17)) * 0x1B873593
+        label = label ^ word
+        label = ((label << 13) | (label >> 19)) * 5 + 0xE6546B64
+    return label
