@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import drjit as dr
+from drjit.llvm import ad
 
 from .camera import View, image_ray
 from .chain import Arrival, Path, first_difference, follow
@@ -15,9 +16,9 @@ from .scene import Scene, closest_hit
 from .surface import surface
 from .trace import Limits, children
 
-# Halvings of a segment before its event is told from what lies at its ends, and steps to the level function's root
+# Halvings of a segment before its event is told from what lies at its ends, and most steps to the level function's root
 HALVINGS = 3
-STEPS = 4
+STEPS = 20
 
 
 @dataclass
@@ -100,14 +101,17 @@ def _bisect(scene: Scene, ray_at: Callable[[Array], Ray], path: Path, a: Arrival
 
 def _root(function: Callable[[Array], Array], a: Array, b: Array, at_a: Array, at_b: Array) -> Array:
     """The root of a function between a and b, by the Pegasus method (M. Dowell, P. Jarratt, BIT 12, 1972)."""
+    near = 2.0**-12 if type(a) is ad.Float else 2.0**-26
 
-    def step(i, a, b, at_a, at_b):
+    def step(i, a, b, at_a, at_b, active):
         c = b - at_b * (b - a) / dr.select(at_b == at_a, 1, at_b - at_a)
         at_c = function(c)
         passed = at_c * at_b < 0
         total = at_b + at_c
         kept = at_a * at_b / dr.select(total == 0, 1, total)
-        return i + 1, dr.select(passed, b, a), c, dr.select(passed, at_b, kept), at_c
+        active = (dr.abs(c - b) > near) & (i < STEPS)
+        return i + 1, dr.select(passed, b, a), c, dr.select(passed, at_b, kept), at_c, active
 
-    state = dr.zeros(dr.uint32_array_t(type(a)), dr.width(a)), a, b, at_a, at_b
-    return dr.while_loop(state, lambda i, *_: i < STEPS, step, mode="symbolic", label="root")[2]
+    width = dr.width(a)
+    state = dr.zeros(ad.UInt32, width), a, b, at_a, at_b, dr.ones(ad.Bool, width)
+    return dr.while_loop(state, lambda *state: state[-1], step, mode="symbolic", label="root")[2]
