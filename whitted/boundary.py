@@ -41,30 +41,30 @@ Illumination Model for Shaded Display" (1980).
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import drjit as dr
 import numpy as np
 from drjit.llvm import ad
 
 from . import probe, wavefront
-from .crossing import Crossing, Segment
+from .chain import Path
+from .crossing import Segment
 from .derivative import Edge
-from .edges import Crossings, Pairs, busy_pixels, dense_pairs, deposit, fine_pairs, fine_positions, nodes, positions, tilted
-from .events import NOTHING
+from .edges import Crossings, Pairs, busy_pixels, dense_pairs, deposit, fine_pairs, fine_positions, joined, positions, take
+from .events import NOTHING, SILHOUETTE, TOTAL, Event
 from .film import Film, band
 from .geometry import Array
+from .quadrature import Stretch
 from .scene import Shape
 from .trace import Limits
 
 TERMS = ("both", "interior", "boundary")
-# Samples along the side of a pixel in which edges meet, for each sample of the others
-REFINEMENT = 4
 # Searches for edges in what is left of a segment
 ROUNDS = 3
 # Most lanes of one call of a kernel: those of derivatives keep all parameters' derivatives for each lane
-LOOKS = 1 << 20
-DERIVATIVES = 1 << 17
+SAMPLES = 1 << 20
+LANES = 1 << 17
 PACKET = 16
 
 
@@ -85,9 +85,9 @@ class Band:
         return type(self.shape.scene.camera.fov)
 
     @property
-    def ulp(self) -> float:
-        """The spacing of numbers at the largest image position."""
-        return float(np.finfo(np.float32 if self.real is ad.Float else np.float64).eps) * max(self.resolution)
+    def fine_side(self) -> int:
+        """Samples along the side of a pixel in which edges meet."""
+        return self.side * (2 if self.side == 1 else 4)
 
     def film(self, margin: int) -> Film:
         return band(self.resolution, self.first_row, self.rows, self.side, self.real, margin)
@@ -98,22 +98,38 @@ class Band:
         return self.shape, self.parameters, self.film(0).size, self.limits
 
     def lanes(self, *arrays: np.ndarray) -> list[Array]:
-        """Dr.Jit arrays of whole packets: kernels want more than one lane. The last element fills them up."""
-        return [(ad.Bool if array.dtype == bool else self.real)(array[packets(len(array))]) for array in arrays]
+        """Dr.Jit arrays of whole packets."""
+        return [lanes(array if array.dtype == bool else array.astype(number(self.real), copy=False)) for array in arrays]
 
-    def look(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Radiance, shape (N, 3), and labels at image positions."""
-        colors, labels = np.empty((len(x), 3)), np.empty(len(x), np.uint32)
-        for part in chunks(len(x), LOOKS):
-            color, label = probe.samples(*self.inputs, *self.lanes(x[part], y[part]))
-            n = part.stop - part.start
-            colors[part], labels[part] = color.numpy().T[:n], label.numpy()[:n]
-        return colors, labels
+    def color(self, array: np.ndarray) -> Array:
+        return type(self.shape.scene.background)(*self.lanes(*array.T))
 
 
-def packets(n: int) -> np.ndarray:
-    """0, 1, ... n - 1 and n - 1 again to the end of the packet."""
-    return np.minimum(np.arange(-(-n // PACKET) * PACKET), n - 1)
+def number(real: type) -> type:
+    """NumPy's type for a Dr.Jit type of numbers."""
+    return np.float32 if real is ad.Float else np.float64
+
+
+KINDS = {np.dtype(kind): name for kind, name in zip((bool, "f4", "f8", "u4", "u8"), ("Bool", "Float", "Float64", "UInt", "UInt64"), strict=True)}
+
+
+def lanes(array: np.ndarray) -> Array:
+    """A Dr.Jit array of whole packets, as kernels want more than one lane; zeros fill the last one up."""
+    return aligned(array, -(-len(array) // PACKET) * PACKET)
+
+
+def aligned(array: np.ndarray, length: int) -> Array:
+    """A Dr.Jit array in memory of its own, as one in NumPy's memory of other alignment would get a kernel of its own."""
+    memory = np.zeros(length * array.itemsize + 64, np.uint8)
+    start = -memory.ctypes.data % 64
+    own = memory[start : start + length * array.itemsize].view(array.dtype)
+    own[: len(array)] = array
+    return getattr(ad, KINDS[array.dtype])(own)
+
+
+def columns(value: Array, n: int) -> np.ndarray:
+    """The first n elements of a vector array's components, shape (n, components)."""
+    return np.stack([component.numpy()[:n] for component in value], 1)
 
 
 def chunks(n: int, size: int) -> Iterator[slice]:
@@ -123,12 +139,19 @@ def chunks(n: int, size: int) -> Iterator[slice]:
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples, each with its weights in two pixels; pixel -1 takes nothing."""
+    """Samples that each count for one pixel."""
 
     x: np.ndarray
     y: np.ndarray
+    pixel: np.ndarray
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """Samples beside singular edges, by the fields of `quadrature.Stretch`."""
+
+    numbers: dict[str, np.ndarray]
     pixel: np.ndarray  # (N, 2)
-    weight: np.ndarray  # (N, 2)
 
 
 @dataclass(frozen=True)
@@ -139,7 +162,7 @@ class Moving:
     y: np.ndarray
     pixel: np.ndarray  # (N, 2)
     change: np.ndarray  # (N, 2, 3)
-    edge: Edge  # as wide as whole packets
+    edge: dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -149,61 +172,68 @@ class Correction:
     band: Band
     busy: np.ndarray  # pixels that have finer samples in place of the regular ones
     samples: list[Samples] = field(default_factory=list)
+    stretches: list[Stretches] = field(default_factory=list)
     edges: list[Moving] = field(default_factory=list)
 
     def tangent(self, wrt: dict, tangents: dict, terms: str) -> Array:
         """The pixels' derivative along the tangents of the parameters `wrt`."""
         band = self.band
-        image = np.zeros((band.rows * band.resolution[0], 3))
+        image = np.zeros((band.rows * band.resolution[0], 3), number(band.real))
         if terms != "boundary":
             flat = wavefront.image_jvp(band.shape, band.parameters, band.film(0), band.limits, wrt, tangents)
             image[:] = flat.numpy().reshape(-1, 3)
             image[self.busy] = 0
             for samples in self.samples:
-                for part in chunks(len(samples.x), LOOKS):
-                    x, y = band.lanes(samples.x[part], samples.y[part])
-                    slope = probe.samples_jvp(*band.inputs, wrt, tangents, x, y).numpy().T[: part.stop - part.start]
-                    deposit(image, samples.pixel[part], samples.weight[part, :, None] * slope[:, None])
+                slope = probe.samples_jvp(*band.inputs, wrt, tangents, *band.lanes(samples.x, samples.y))
+                deposit(image, samples.pixel, columns(slope, len(samples.x)) / band.fine_side**2)
+            for stretches in self.stretches:
+                stretch = Stretch(*band.lanes(*stretches.numbers.values()))
+                _add(image, stretches.pixel, probe.stretches_jvp(*band.inputs, wrt, tangents, stretch))
         if terms != "interior":
             for edges in self.edges:
                 x, y = band.lanes(edges.x, edges.y)
-                slope = probe.levels_jvp(*band.inputs, wrt, tangents, x, y, edges.edge).numpy()[: len(edges.x)]
+                slope = probe.levels_jvp(*band.inputs, wrt, tangents, x, y, _edge(edges.edge)).numpy()[: len(edges.x)]
                 deposit(image, edges.pixel, edges.change * slope[:, None, None])
-        return band.real(image.ravel())
+        return aligned(image.ravel(), image.size)
 
     def adjoint(self, wrt: dict, image: Array, terms: str) -> dict:
         """The derivatives of dot(image, pixels) by the parameters `wrt`."""
         band, parts = self.band, []
-        weights = np.asarray(image.numpy(), np.float64).reshape(-1, 3)
+        weights = image.numpy().reshape(-1, 3)
         if terms != "boundary":
-            plain = weights.copy()
-            plain[self.busy] = 0
-            plain = band.real(plain.ravel())
+            plain = aligned(weights.ravel(), weights.size)
+            plain.numpy().reshape(-1, 3)[self.busy] = 0
             parts.append(wavefront.image_vjp(band.shape, band.parameters, band.film(0), band.limits, wrt, plain))
             for samples in self.samples:
-                for part in chunks(len(samples.x), DERIVATIVES):
-                    pixel, weight = samples.pixel[part], samples.weight[part]
-                    seed = (_gathered(weights, pixel) * weight[:, :, None]).sum(1)
-                    x, y, *seed = band.lanes(samples.x[part], samples.y[part], *seed.T)
-                    seed = _ending(type(band.shape.scene.background)(*seed), len(pixel))
-                    parts.append(probe.samples_vjp(*band.inputs, wrt, seed, x, y))
+                seed = band.color(weights[samples.pixel] / band.fine_side**2)
+                parts.append(probe.samples_vjp(*band.inputs, wrt, seed, *band.lanes(samples.x, samples.y)))
+            for stretches in self.stretches:
+                stretch = Stretch(*band.lanes(*stretches.numbers.values()))
+                seeds = (band.color(weights[stretches.pixel[:, k]]) for k in (0, 1))
+                parts.append(probe.stretches_vjp(*band.inputs, wrt, stretch, *seeds))
         if terms != "interior":
             for edges in self.edges:
-                seed = (_gathered(weights, edges.pixel) * edges.change).sum((1, 2))
-                x, y, seed = band.lanes(edges.x, edges.y, seed)
-                parts.append(probe.levels_vjp(*band.inputs, wrt, _ending(seed, len(edges.x)), x, y, edges.edge))
+                x, y, seed = band.lanes(edges.x, edges.y, np.einsum("nkc,nkc->n", weights[edges.pixel], edges.change))
+                parts.append(probe.levels_vjp(*band.inputs, wrt, seed, x, y, _edge(edges.edge)))
         return {name: sum((part[name] for part in parts), start=dr.zeros(type(value))) for name, value in wrt.items()}
 
 
-def _gathered(image: np.ndarray, pixel: np.ndarray) -> np.ndarray:
-    return np.where(pixel[..., None] >= 0, image[pixel], 0)
+def _add(image: np.ndarray, pixel: np.ndarray, both: tuple[Array, Array]) -> None:
+    """Add to the pixels of a and of b."""
+    deposit(image, pixel, np.stack([columns(value, len(pixel)) for value in both], 1))
 
 
-def _ending(array: Array, n: int) -> Array:
-    """The array with zeros from element n on."""
-    array = dr.select(dr.arange(ad.UInt32, dr.width(array)) < dr.opaque(ad.UInt32, n), array, 0)
-    dr.eval(array)
-    return array
+def _edge(numbers: dict[str, np.ndarray]) -> Edge:
+    """The Dr.Jit arrays of `_numbers`."""
+    arrays = {name: lanes(value) for name, value in numbers.items()}
+    return Edge(*(kind(*(arrays[f.name] for f in fields(kind))) for kind in (Path, Event)))
+
+
+def _numbers(edge: Edge, which: np.ndarray) -> dict[str, np.ndarray]:
+    """Some of the edges, by the fields of their paths and events."""
+    numbers = {name: value.numpy() for part in (edge.path, edge.event) for name, value in vars(part).items()}
+    # What is the same in all lanes has width 1
+    return {name: value[which if len(value) > 1 else np.zeros_like(which)] for name, value in numbers.items()}
 
 
 def correct(band: Band) -> tuple[Array, Correction]:
@@ -211,7 +241,7 @@ def correct(band: Band) -> tuple[Array, Correction]:
     flat, labels = wavefront.labelled_image(band.shape, band.parameters, band.film(1), band.limits)
     width, side = band.resolution[0], band.side
     labels = labels.numpy().reshape((band.rows + 2) * side, (width + 2) * side)
-    pixels = np.array(flat.numpy(), np.float64).reshape(-1, 3)
+    pixels = flat.numpy().reshape(-1, 3)
     pairs = dense_pairs(labels, side, band.first_row)
     touched = np.zeros(len(pixels) + 1, bool)
     touched[pairs.pixel] = True
@@ -221,93 +251,78 @@ def correct(band: Band) -> tuple[Array, Correction]:
     touched[:] = False
     touched[result.busy] = True
     pairs = replace(pairs, pixel=np.where(touched[pairs.pixel], -1, pairs.pixel))
-    _cross(result, pixels, pairs.take((pairs.pixel >= 0).any(1)))
-    for part in chunks(len(result.busy), max(1, LOOKS // (REFINEMENT * side + 2) ** 2)):
-        _refine(result, pixels, result.busy[part])
-    return band.real(pixels.ravel()), result
+    groups = [take(pairs, (pairs.pixel >= 0).any(1))]
+    for part in chunks(len(result.busy), max(1, SAMPLES // (band.fine_side + 2) ** 2)):
+        groups.append(_refine(result, pixels, result.busy[part]))
+    pairs = joined(groups)
+    for part in chunks(len(pairs), LANES):
+        _cross(result, pixels, take(pairs, np.arange(part.start, part.stop)))
+    return flat, result
 
 
-def _refine(result: Correction, image: np.ndarray, pixels: np.ndarray) -> None:
+def _refine(result: Correction, image: np.ndarray, pixels: np.ndarray) -> Pairs:
     """Sample pixels anew, more finely."""
-    band, side = result.band, REFINEMENT * result.band.side
+    band, side = result.band, result.band.fine_side
     x, y = fine_positions(pixels, band.resolution[0], side, band.first_row)
-    colors, labels = band.look(x.ravel(), y.ravel())
+    color, label = probe.samples(*band.inputs, *band.lanes(x.ravel(), y.ravel()))
     inner = (slice(None), slice(1, -1), slice(1, -1))
-    image[pixels] = colors.reshape(*x.shape, 3)[inner].mean((1, 2))
-    pixel = np.stack([np.repeat(pixels, side**2), np.full(len(pixels) * side**2, -1)], 1)
-    result.samples.append(Samples(x[inner].ravel(), y[inner].ravel(), pixel, np.where(pixel >= 0, side**-2.0, 0)))
-    _cross(result, image, fine_pairs(labels.reshape(x.shape), x, y, pixels))
+    for k, component in enumerate(color):
+        image[pixels, k] = component.numpy()[: x.size].reshape(x.shape)[inner].mean((1, 2))
+    own = np.repeat(pixels, side**2)
+    for part in chunks(len(own), LANES):
+        result.samples.append(Samples(x[inner].ravel()[part], y[inner].ravel()[part], own[part]))
+    return fine_pairs(label.numpy()[: x.size].reshape(x.shape), x, y, pixels)
 
 
 def _cross(result: Correction, image: np.ndarray, pairs: Pairs) -> None:
-    for part in chunks(len(pairs), DERIVATIVES):
-        _cross_part(result, image, pairs.take(part))
-
-
-def _cross_part(result: Correction, image: np.ndarray, pairs: Pairs) -> None:
     """Find the edges between pairs of samples, and correct the pixels."""
-    found, edges = _find(result.band, pairs)
-    if not edges:
+    band = result.band
+    found, edge = _find(band, pairs)
+    if not len(found):
         return
-    order = np.lexsort((found.along, found.pair))
-    found = found.take(order)
-    distance, weight = nodes(found)
-    x, y = positions(found.pairs, distance)
-    used = (weight != 0).any(2)
-    colors = np.zeros((*x.shape, 3))
-    colors[used], _ = result.band.look(x[used], y[used])
-    pixel = np.broadcast_to(found.pairs.pixel[:, None], weight.shape)
-    result.samples.append(Samples(x[used], y[used], pixel[used], weight[used]))
-    smooth = np.einsum("nmk,nmc->nkc", weight, colors)
-    deposit(image, found.pairs.pixel, smooth + tilted(found)[:, :, None] * found.jump[:, None])
-
-    # Back in the order in which they were found, which is that of their events
-    x, y = positions(found.pairs, found.along)
-    change = found.change
-    place = np.argsort(order)
-    for part, edge in zip(np.split(place, np.cumsum([n for n, _ in edges])[:-1]), (edge for _, edge in edges), strict=True):
-        result.edges.append(Moving(x[part], y[part], found.pairs.pixel[part], change[part], edge))
+    stretched = found.stretched()
+    deposit(image, found.pairs.pixel, found.moved(stretched))
+    if stretched.any():
+        numbers = take(found, stretched).stretches()
+        stretches = Stretches(numbers, found.pairs.pixel[stretched])
+        result.stretches.append(stretches)
+        _add(image, stretches.pixel, probe.stretches(*band.inputs, Stretch(*band.lanes(*numbers.values()))))
+    result.edges.append(Moving(*positions(found.pairs, found.along), found.pairs.pixel, found.change(), edge))
 
 
-def _find(band: Band, pairs: Pairs) -> tuple[Crossings, list[tuple[int, Edge]]]:
-    """Edges between pairs of samples, and their events in groups, each with its size."""
+def _find(band: Band, pairs: Pairs) -> tuple[Crossings, dict[str, np.ndarray]]:
+    """Edges between pairs of samples, in the order of `Crossings`, and their paths and events."""
+    single = band.real is ad.Float
+    ulp = float(np.finfo(number(band.real)).eps) * max(band.resolution)
     pair, start, length, label = np.arange(len(pairs)), np.zeros(len(pairs)), pairs.length, pairs.label
-    crossings, edges = [], []
+    groups = []
     for _ in range(ROUNDS):
-        if not len(pair):
-            break
-        x, y = positions(pairs.take(pair), start)
-        crossing = probe.crossings(*band.inputs, Segment(*band.lanes(x, y, pairs.vertical[pair], length)))
-        t, slope, across, valid = _numbers(crossing, len(pair))
-        pair, start, length, label = pair[valid], start[valid], length[valid], label[valid]
-        here, along = pairs.take(pair), start + t * length
-
-        # Radiance and labels right before and right behind the edge
-        gap = np.maximum(here.length * (2.0**-10 if band.real is ad.Float else 1e-6), 8 * band.ulp)
-        x, y = positions(here, np.stack([along - gap, along + gap], 1))
-        colors, sides = band.look(x.ravel(), y.ravel())
-        colors, sides = colors.reshape(-1, 2, 3), sides.reshape(-1, 2)
-        real = np.flatnonzero(sides[:, 0] != sides[:, 1])
-        found = Crossings(here, pair, along, slope, across, colors[:, 0] - colors[:, 1])
-        crossings.append(found.take(real))
-        if len(real):
-            edge = dr.gather(Edge, crossing.edge, ad.UInt32(valid[real][packets(len(real))]))
-            dr.eval(edge)
-            edges.append((len(real), edge))
+        here, n = take(pairs, pair), len(pair)
+        gap = np.maximum(here.length * (2.0**-10 if single else 1e-6), 8 * ulp)
+        segment = Segment(*band.lanes(*positions(here, start), here.vertical, length))
+        crossing, *beside = probe.crossings(*band.inputs, segment, *band.lanes(gap))
+        t, slope, across = (value.numpy()[:n] for value in (crossing.t, crossing.slope, crossing.across))
+        valid = crossing.edge.event.kind.numpy()[:n] != NOTHING
+        valid &= np.isfinite(t) & np.isfinite(slope) & np.isfinite(across) & (slope != 0)
+        along = start + np.where(valid, t, 0) * length
+        sides = np.stack([beside[1].numpy()[:n], beside[3].numpy()[:n]], 1)
+        kept = np.flatnonzero(valid & (sides[:, 0] != sides[:, 1]))
+        jump = columns(beside[0] - beside[2], n)[kept]
+        edge = _numbers(crossing.edge, kept)
+        singular = (edge["kind"] == SILHOUETTE) | (edge["kind"] == TOTAL)
+        groups.append((Crossings(take(here, kept), pair[kept], along[kept], slope[kept], across[kept], jump, singular), edge))
 
         # What is left of the segment on either side
         before, behind = along - gap - start, start + length - along - gap
-        left = np.flatnonzero((sides[:, 0] != label[:, 0]) & (before > gap))
-        right = np.flatnonzero((sides[:, 1] != label[:, 1]) & (behind > gap))
+        left = np.flatnonzero(valid & (sides[:, 0] != label[:, 0]) & (before > gap))
+        right = np.flatnonzero(valid & (sides[:, 1] != label[:, 1]) & (behind > gap))
         ends = np.stack([label[left, 0], sides[left, 0]], 1), np.stack([sides[right, 1], label[right, 1]], 1)
         pair, label = np.concatenate([pair[left], pair[right]]), np.concatenate(ends)
         start = np.concatenate([start[left], (along + gap)[right]])
         length = np.concatenate([before[left], behind[right]])
-    return Crossings.joined(crossings), edges
-
-
-def _numbers(crossing: Crossing, n: int) -> tuple[np.ndarray, ...]:
-    """The place and the slopes of crossings that were found, and which those are."""
-    numbers = np.array([value.numpy()[:n] for value in (crossing.t, crossing.slope, crossing.across)], np.float64)
-    valid = (crossing.edge.event.kind.numpy()[:n] != NOTHING) & np.isfinite(numbers).all(0) & (numbers[1] != 0)
-    return *numbers[:, valid], np.flatnonzero(valid)
+        if not len(pair):
+            break
+    found = joined([crossings for crossings, _ in groups])
+    order = np.lexsort((found.along, found.pair))
+    edge = {name: np.concatenate([part[name] for _, part in groups])[order] for name in groups[0][1]}
+    return take(found, order), edge

@@ -12,7 +12,7 @@ from .decisions import decide, mix
 from .geometry import Array, Ray
 from .scene import Scene, closest_hit
 from .surface import surface
-from .trace import FAINT, Branch, Limits, allocate, children, go_on, pack, reflects, start, unpack
+from .trace import Branch, Limits, allocate, children, go_on, pack, reflects, start, unpack
 
 # Bounces whose choice between reflection and refraction a path remembers; beyond, where a node has both children, it
 # goes on with the reflected one
@@ -92,7 +92,7 @@ def first_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> tuple[Path
         at, to = surface(scene, ray, closest_hit(scene, ray)), surface(scene, other, closest_hit(scene, other))
         left, right = children(scene, ray, at, wa, depth, limits), children(scene, other, to, wb, depth, limits)
         decided = [decide(scene, x, [branch.active for branch in y]) for x, y in ((at, left), (to, right))]
-        differ = (mix(uint(0), decided[0]) != mix(uint(0), decided[1])) & (dr.abs(wa) >= FAINT)
+        differ = (mix(uint(0), decided[0]) != mix(uint(0), decided[1])) & (dr.abs(wa) >= limits.faint)
         paths = []
         for k, (x, y) in enumerate(zip(left, right, strict=True)):
             onward = turns | (long(1) << dr.minimum(long(depth - 1), REMEMBERED - 1)) if k else turns
@@ -100,7 +100,7 @@ def first_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> tuple[Path
             paths.append((*one, to.p, y.direction, wb * y.weight))
         if not paths:
             return pair, stack, differ, dr.mask_t(active)(False)
-        stack, more, parts = go_on(stack, [branch.active & ~differ & (dr.abs(path[2]) >= FAINT) for branch, path in zip(left, paths)], paths)
+        stack, more, parts = go_on(stack, [branch.active & ~differ & (dr.abs(path[2]) >= limits.faint) for branch, path in zip(left, paths, strict=True)], paths)
         more &= ~differ
         onward = parts[:5], parts[5:]
         return dr.select(differ, pair, onward), stack, differ, more

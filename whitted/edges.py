@@ -4,10 +4,24 @@ All in NumPy, on the few samples that are concerned, and in an order that does n
 are numbered row by row; image positions and lengths are in pixels.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
+from typing import TypeVar
 
 import numpy as np
 
+Table = TypeVar("Table")
+
+
+
+def take(table: Table, which: np.ndarray) -> Table:
+    """Some rows of a dataclass of arrays."""
+    return type(table)(*(take(v, which) if is_dataclass(v) else v[which] for v in vars(table).values()))
+
+
+def joined(tables: list[Table]) -> Table:
+    """The rows of several dataclasses of arrays."""
+    columns = zip(*(vars(table).values() for table in tables), strict=True)
+    return type(tables[0])(*(joined(c) if is_dataclass(c[0]) else np.concatenate(c) for c in columns))
 
 
 @dataclass(frozen=True)
@@ -24,13 +38,6 @@ class Pairs:
 
     def __len__(self) -> int:
         return len(self.x)
-
-    def take(self, which) -> "Pairs":
-        return Pairs(*(value[which] for value in vars(self).values()))
-
-    @staticmethod
-    def joined(parts: list["Pairs"]) -> "Pairs":
-        return Pairs(*(np.concatenate(values) for values in zip(*(vars(part).values() for part in parts), strict=True)))
 
 
 def dense_pairs(labels: np.ndarray, side: int, first_row: int) -> Pairs:
@@ -49,7 +56,7 @@ def dense_pairs(labels: np.ndarray, side: int, first_row: int) -> Pairs:
         x, y = (i + 0.5) / side - 1, (j + 0.5) / side - 1 + first_row
         label = np.stack([labels[j, i], labels[other[1], other[0]]], 1)
         parts.append(Pairs(x, y, np.full(len(x), vertical), np.full(len(x), 1 / side), pixel, alone, label))
-    return Pairs.joined(parts)
+    return joined(parts)
 
 
 def _pixel(i: np.ndarray, j: np.ndarray, side: int, rows: int, columns: int) -> np.ndarray:
@@ -59,10 +66,12 @@ def _pixel(i: np.ndarray, j: np.ndarray, side: int, rows: int, columns: int) -> 
 
 def busy_pixels(labels: np.ndarray, side: int, candidates: np.ndarray) -> np.ndarray:
     """Those of the candidate pixels whose samples and their neighbours have three labels or more: edges meet there."""
-    columns = labels.shape[1] // side - 2
-    window = np.arange(-1, side + 1)
-    y, x = (candidates // columns + 1) * side, (candidates % columns + 1) * side
-    near = labels[y[:, None, None] + window[:, None], x[:, None, None] + window].reshape(len(candidates), -1)
+    stride = labels.shape[1]
+    columns = stride // side - 2
+    across, inner = np.meshgrid(np.arange(-1, side + 1), np.arange(side))
+    window = np.unique(np.concatenate([inner * stride + across, across * stride + inner]))
+    start = (candidates // columns + 1) * side * stride + (candidates % columns + 1) * side
+    near = labels.ravel()[start[:, None] + window]
     first = near[:, :1]
     second = np.where(near != first, near, 0).max(1, keepdims=True, initial=0)
     return candidates[((near != first) & (near != second)).any(1)]
@@ -89,7 +98,7 @@ def fine_pairs(labels: np.ndarray, x: np.ndarray, y: np.ndarray, pixels: np.ndar
         at = (n, k, line + 1) if vertical else (n, line + 1, k)
         label = np.stack([turned[n, line + 1, k], turned[n, line + 1, k + 1]], 1)
         parts.append(Pairs(x[at], y[at], np.full(len(n), vertical), np.full(len(n), 1 / side), pixel, alone, label))
-    return Pairs.joined(parts)
+    return joined(parts)
 
 
 @dataclass(frozen=True)
@@ -102,100 +111,87 @@ class Crossings:
     slope: np.ndarray  # of the level function from a to b, per pixel
     across: np.ndarray  # the same in the image's other direction
     jump: np.ndarray  # (N, 3): radiance before the edge less that behind it
+    singular: np.ndarray  # bool: near the edge radiance changes like the square root of the distance
 
-    def take(self, which: np.ndarray) -> "Crossings":
-        return Crossings(*(value.take(which) if isinstance(value, Pairs) else value[which] for value in vars(self).values()))
-
-    @staticmethod
-    def joined(parts: list["Crossings"]) -> "Crossings":
-        numbers = list(zip(*(list(vars(part).values())[1:] for part in parts), strict=True))
-        return Crossings(Pairs.joined([part.pairs for part in parts]), *(np.concatenate(values) for values in numbers))
+    def __len__(self) -> int:
+        return len(self.pair)
 
     @property
     def weight(self) -> np.ndarray:
         """The share of the edge that pairs of this direction account for; those of the other have the rest."""
-        u, v = self.slope**4, self.across**4
-        return u / np.where(u + v > 0, u + v, 1)
+        # Scaled, as fourth powers leave the range of single precision
+        u, v = np.abs(self.slope), np.abs(self.across)
+        u, v = (u / np.maximum(u, v)) ** 4, (v / np.maximum(u, v)) ** 4
+        return u / (u + v)
 
     @property
     def tilt(self) -> np.ndarray:
         """How far the edge moves along the pair from one line of samples to the next, halved."""
         return np.clip(np.abs(self.across / self.slope), 1e-6, 1) * self.pairs.length / 2
 
-    @property
-    def share(self) -> np.ndarray:
-        """(N, 2): the parts of the edge's piece in the pixels of a and of b."""
-        a = np.clip(0.5 - (self.along - self.pairs.length / 2) / (2 * self.tilt), 0, 1)
-        return np.stack([a, 1 - a], 1)
-
-    @property
     def change(self) -> np.ndarray:
         """(N, 2, 3): how the pixels of a and of b change with the level function at the edge."""
+        a = np.clip(0.5 - (self.along - self.pairs.length / 2) / (2 * self.tilt), 0, 1)
         area = -self.pairs.length * self.weight / self.slope
-        return (self.share * area[:, None] * (self.pairs.pixel >= 0))[:, :, None] * self.jump[:, None]
+        share = np.stack([a, 1 - a], 1) * (area[:, None] * (self.pairs.pixel >= 0))
+        return share[:, :, None] * self.jump[:, None]
+
+    def moved(self, stretched: np.ndarray) -> np.ndarray:
+        """(N, 2, 3): what the edge adds to the pixels of a and of b because it is not midway, and at an angle to the pair.
+
+        Args:
+            stretched: bool, the first of the two is left to `quadrature.Stretch`.
+        """
+        past, r = self.along - self.pairs.length / 2, self.tilt
+        straight = np.minimum(past, 0)
+        a = np.where(np.abs(past) < r, -((r - past) ** 2) / (4 * r), straight)
+        both = np.stack([a - np.where(stretched, straight, 0), np.where(stretched, straight, past) - a], 1)
+        return both[:, :, None] * (self.weight * self.pairs.length)[:, None, None] * self.jump[:, None]
+
+    def stretched(self) -> np.ndarray:
+        """Whether a pair has a singular edge, for each of its crossings."""
+        first = self._first()
+        return np.repeat(np.logical_or.reduceat(self.singular, first), np.diff(first, append=len(self)))
+
+    def _first(self) -> np.ndarray:
+        return np.flatnonzero(np.diff(self.pair, prepend=-1))
+
+    def stretches(self) -> dict[str, np.ndarray]:
+        """The fields of `quadrature.Stretch`: halfway to the next crossing, or to the end of a sample's cell."""
+        pairs, c, h = self.pairs, self.along, self.pairs.length
+        begins = np.diff(self.pair, prepend=-1) != 0
+        ends = np.roll(begins, -1)
+        # Where another edge is on the other side of a sample, its cell ends at the sample
+        before, behind = np.where(pairs.alone[:, 0], h / 2, 0), np.where(pairs.alone[:, 1], h / 2, 0)
+        first, count = self._first(), np.diff(self._first(), append=len(self))
+        # All crossings of a pair share one weight, so that its samples are taken away as a whole
+        weight = np.repeat(np.add.reduceat(self.weight, first) / count, count) * h
+        return {
+            "x": pairs.x,
+            "y": pairs.y,
+            "vertical": pairs.vertical,
+            "length": h,
+            "edge": c,
+            "start": np.where(begins, -before, (c + np.roll(c, 1)) / 2),
+            "stop": np.where(ends, h + behind, (c + np.roll(c, -1)) / 2),
+            "own_a": np.where(begins, h / 2 + before, 0),
+            "own_b": np.where(ends, h / 2 + behind, 0),
+            "weight_a": np.where(pairs.pixel[:, 0] >= 0, weight, 0),
+            "weight_b": np.where(pairs.pixel[:, 1] >= 0, weight, 0),
+        }
 
 
 def positions(pairs: Pairs, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Image positions at distances from a: shape (N,) or (N, M)."""
-    vertical, x, y = (value.reshape(-1, *(1,) * (along.ndim - 1)) for value in (pairs.vertical, pairs.x, pairs.y))
-    return x + np.where(vertical, 0, along), y + np.where(vertical, along, 0)
-
-
-def nodes(found: Crossings) -> tuple[np.ndarray, np.ndarray]:
-    """Samples that stand in for the two of a pair.
-
-    On either side of an edge radiance is a + b sqrt(distance) + ...: near a silhouette so is the normal. Gauss's points
-    in sqrt(distance) integrate this and its derivative; the two samples of the pair are taken away.
-
-    Returns:
-        Distances from a, shape (N, 7), and weights as parts of a pixel for the pixels of a and of b, (N, 7, 2).
-    """
-    pairs, c, h = found.pairs, found.along, found.pairs.length
-    first = np.diff(found.pair, prepend=-1) != 0
-    last = np.roll(first, -1)
-    # Halfway to the next crossing; without one, the end of the sample's cell, or the sample itself
-    start = np.where(first, np.where(pairs.alone[:, 0], -h / 2, 0), (c + np.roll(c, 1)) / 2)
-    stop = np.where(last, np.where(pairs.alone[:, 1], 1.5 * h, h), (c + np.roll(c, -1)) / 2)
-    # The border between the cells of a and b cuts one of the two sides in a near and a far part
-    border = np.clip(h / 2, start, stop)
-    near, left = np.abs(c - border), c < border
-    along, weight = [c + np.where(left, near, -near) / 4], [(near, c + np.where(left, near, -near) / 2 > h / 2)]
-    for sign, end in ((-1, start), (1, stop)):
-        inner = np.sqrt(np.where(left == (sign == 1), near, 0))
-        outer = np.sqrt(np.maximum(np.abs(end - c), inner**2))
-        where = (c + sign * (inner**2 + outer**2) / 2) > h / 2
-        for offset in (-1, 1):
-            root = (inner + outer) / 2 + offset * (outer - inner) / (2 * np.sqrt(3))
-            along.append(c + sign * root**2)
-            weight.append(((outer - inner) * root, where))
-    own = np.where(pairs.alone, h[:, None], h[:, None] / 2)
-    along += [np.zeros_like(c), h]
-    weight += [(-own[:, 0] * first, np.zeros_like(first)), (-own[:, 1] * last, np.ones_like(first))]
-    # All crossings of a pair share one weight, so that its samples are taken away as a whole
-    edge = np.flatnonzero(first)
-    count = np.diff(edge, append=len(c))
-    shared = np.repeat(np.add.reduceat(found.weight, edge) / count, count)
-    scale = (shared * h)[:, None]
-    amount, in_b = np.stack([w for w, _ in weight], 1) * scale, np.stack([b for _, b in weight], 1)
-    both = np.stack([np.where(in_b, 0, amount), np.where(in_b, amount, 0)], 2)
-    return np.stack(along, 1), both * (pairs.pixel >= 0)[:, None, :]
-
-
-def tilted(found: Crossings) -> np.ndarray:
-    """(N, 2): what a unit jump moves between the two pixels because the edge is not at right angles to the pair."""
-    h, r = found.pairs.length, found.tilt
-    past = found.along - h / 2
-    inside = np.abs(past) < r
-    lower = np.where(inside, -((r - past) ** 2) / (4 * r), np.minimum(past, 0)) - np.minimum(past, 0)
-    move = lower * found.weight * h
-    return np.stack([move, -move], 1)
+    """Image positions at distances from a."""
+    return pairs.x + np.where(pairs.vertical, 0, along), pairs.y + np.where(pairs.vertical, along, 0)
 
 
 def deposit(image: np.ndarray, pixel: np.ndarray, value: np.ndarray) -> None:
-    """Add values, shape (N, 2, 3), to pixels, (N, 2), of an image, (pixels, 3), in a fixed order; pixel -1 takes none."""
-    kept = pixel.ravel() >= 0
-    pixel, value = pixel.ravel()[kept], value.reshape(-1, 3)[kept]
-    if len(pixel):
-        order = np.argsort(pixel, kind="stable")
-        first = np.flatnonzero(np.diff(pixel[order], prepend=-1))
-        image[pixel[order[first]]] += np.add.reduceat(value[order], first, axis=0)
+    """Add values, shape (..., 3), to pixels, (...), of an image, (pixels, 3), in a fixed order; pixel -1 takes none."""
+    pixel, value = pixel.ravel(), value.reshape(-1, 3)
+    order = np.argsort(pixel, kind="stable")
+    order = order[np.searchsorted(pixel, 0, sorter=order) :]
+    if len(order):
+        pixel = pixel[order]
+        first = np.flatnonzero(np.diff(pixel, prepend=-1))
+        image[pixel[first]] += np.add.reduceat(value[order], first, axis=0)

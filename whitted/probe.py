@@ -1,16 +1,21 @@
-"""Kernels for single samples and edges at any image position, rather than for the pixels of a film.
+"""Kernels for samples and edges at any image position, rather than for the pixels of a film.
 
 Each has one lane for each of its inputs, whose number may differ from call to call, and runs in a frozen function.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import drjit as dr
+from drjit.llvm import ad
 
 from .camera import View, image_ray
 from .crossing import Crossing, Segment, locate
 from .derivative import Edge, level_jvp, level_vjp, pull_back, push_forward, radiance_jvp, radiance_vjp
-from .geometry import Array
-from .scene import Shape
-from .trace import Limits, labelled_radiance
+from .geometry import Array, Ray
+from .quadrature import NODES, Stretch, node
+from .scene import Scene, Shape
+from .trace import Limits, labelled_radiance, radiance
 from .wavefront import of_scene, prepare, total
 
 
@@ -22,10 +27,52 @@ def samples(shape: Shape, parameters: dict, size: Array, limits: Limits, x: Arra
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
-def crossings(shape: Shape, parameters: dict, size: Array, limits: Limits, segment: Segment) -> Crossing:
-    """Where edges cross segments between samples of different labels."""
+def crossings(
+    shape: Shape, parameters: dict, size: Array, limits: Limits, segment: Segment, gap: Array
+) -> tuple[Crossing, Array, Array, Array, Array]:
+    """Where edges cross segments between samples of different labels; radiance right before them, its label, and right behind.
+
+    Args:
+        gap: how far, in pixels, before and behind.
+    """
     scene, camera = prepare(shape.filled(parameters), size)
-    return locate(scene, camera, size, segment, limits)
+    found = locate(scene, camera, size, segment, limits)
+
+    def look(k, colors, labels):
+        t = found.t + dr.select(k == 0, -gap, gap) / segment.length
+        color, label = labelled_radiance(scene, image_ray(camera, size, *segment.at(t)), limits)
+        colors = dr.select(k == 0, color, colors[0]), dr.select(k == 0, colors[1], color)
+        labels = dr.select(k == 0, label, labels[0]), dr.select(k == 0, labels[1], label)
+        return k + 1, colors, labels
+
+    width = dr.width(segment.x)
+    color, label = dr.zeros(type(scene.background), width), dr.zeros(ad.UInt32, width)
+    state: Any = dr.zeros(ad.Int, width), (color, color + 0), (label, label + 0)
+    _, colors, labels = dr.while_loop(state, lambda k, *_: k < 2, look, mode="symbolic", label="sides")
+    return found, colors[0], labels[0], colors[1], labels[1]
+
+
+def _each_node(stretch: Stretch, state: tuple, visit: Callable) -> tuple:
+    """Visit all nodes of stretches in turn: visit(x, y, weight_a, weight_b, *state) -> state."""
+
+    def step(k, *state):
+        return k + 1, *visit(*node(stretch, k), *state)
+
+    first = dr.zeros(ad.Int, dr.width(stretch.x))
+    return dr.while_loop((first, *state), lambda k, *_: k < NODES, step, mode="symbolic", label="nodes")[1:]
+
+
+@dr.freeze(state_fn=None, warn_after=1 << 30)
+def stretches(shape: Shape, parameters: dict, size: Array, limits: Limits, stretch: Stretch) -> tuple[Array, Array]:
+    """What stretches add to the pixels of a and of b."""
+    scene, camera = prepare(shape.filled(parameters), size)
+
+    def visit(x, y, weight_a, weight_b, a, b):
+        color = radiance(scene, image_ray(camera, size, x, y), limits)
+        return dr.fma(color, weight_a, a), dr.fma(color, weight_b, b)
+
+    dark = dr.zeros(type(scene.background), dr.width(stretch.x))
+    return _each_node(stretch, (dark, dark + 0), visit)
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
@@ -33,8 +80,23 @@ def samples_jvp(
     shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, tangents: dict, x: Array, y: Array
 ) -> Array:
     """The derivative of radiance at image positions along the tangents of the parameters `wrt`."""
-    scene, ray, o, d, slopes = _moving(shape, parameters, size, wrt, tangents, x, y)
-    return radiance_jvp(scene, slopes, ray, o, d, limits)
+    scene, slopes, ray_at = _moving(shape, parameters, size, wrt, tangents)
+    return radiance_jvp(scene, slopes, *ray_at(x, y), limits)
+
+
+@dr.freeze(state_fn=None, warn_after=1 << 30)
+def stretches_jvp(
+    shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, tangents: dict, stretch: Stretch
+) -> tuple[Array, Array]:
+    """The derivative of `stretches` along the tangents of the parameters `wrt`."""
+    scene, slopes, ray_at = _moving(shape, parameters, size, wrt, tangents)
+
+    def visit(x, y, weight_a, weight_b, a, b):
+        slope = radiance_jvp(scene, slopes, *ray_at(x, y), limits)
+        return dr.fma(slope, weight_a, a), dr.fma(slope, weight_b, b)
+
+    dark = dr.zeros(type(scene.background), dr.width(stretch.x))
+    return _each_node(stretch, (dark, dark + 0), visit)
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
@@ -42,24 +104,29 @@ def levels_jvp(
     shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, tangents: dict, x: Array, y: Array, edge: Edge
 ) -> Array:
     """The derivative of edges' level functions at image positions along the tangents of the parameters `wrt`."""
-    scene, ray, o, d, slopes = _moving(shape, parameters, size, wrt, tangents, x, y)
-    return level_jvp(scene, slopes, ray, o, d, limits, edge)
+    scene, slopes, ray_at = _moving(shape, parameters, size, wrt, tangents)
+    return level_jvp(scene, slopes, *ray_at(x, y), limits, edge)
 
 
-def _moving(shape: Shape, parameters: dict, size: Array, wrt: dict, tangents: dict, x: Array, y: Array) -> tuple:
-    """The scene, rays through image positions, their tangents and those of the scene's own parameters."""
+def _moving(shape: Shape, parameters: dict, size: Array, wrt: dict, tangents: dict) -> tuple[Scene, dict, Callable]:
+    """The scene, its own parameters' tangents, and a function from image positions to rays and their tangents."""
     wrt = dr.detach(wrt)
     dr.enable_grad(wrt)
     dr.set_grad(wrt, tangents)
     scene, camera = prepare(shape.filled(parameters | wrt), size)
     push_forward(wrt)
-    tangents = {name: dr.grad(value) for name, value in of_scene(scene, wrt).items()}
-    moving = dr.detach(camera)
-    dr.enable_grad(moving)
-    dr.set_grad(moving, dr.grad(camera))
-    ray = image_ray(moving, size, x, y)
-    push_forward(moving)
-    return dr.detach(scene), dr.detach(ray), dr.grad(ray.o), dr.grad(ray.d), tangents
+    slopes = {name: dr.grad(value) for name, value in of_scene(scene, wrt).items()}
+    camera_slope, camera = dr.grad(camera), dr.detach(camera)
+
+    def ray_at(x: Array, y: Array) -> tuple[Ray, Array, Array]:
+        moving = dr.detach(camera)
+        dr.enable_grad(moving)
+        dr.set_grad(moving, camera_slope)
+        ray = image_ray(moving, size, x, y)
+        push_forward(moving)
+        return dr.detach(ray), dr.grad(ray.o), dr.grad(ray.d)
+
+    return dr.detach(scene), slopes, ray_at
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
@@ -67,11 +134,22 @@ def samples_vjp(
     shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, seed: Array, x: Array, y: Array
 ) -> dict:
     """The derivatives of the sum of dot(seed, radiance) over image positions by the parameters `wrt`."""
+    reverse = _Reverse(shape, parameters, size, wrt, dr.width(x))
+    return reverse.gradients(reverse.visit(x, y, reverse.sums, lambda *args: radiance_vjp(*args, seed, limits)))
 
-    def walk(scene, sums, wide, ray):
-        return radiance_vjp(scene, sums, wide, ray, seed, limits)
 
-    return _reverse(shape, parameters, size, wrt, x, y, walk)
+@dr.freeze(state_fn=None, warn_after=1 << 30)
+def stretches_vjp(
+    shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, stretch: Stretch, seed_a: Array, seed_b: Array
+) -> dict:
+    """The derivatives of the sum of dot(seed_a, a) + dot(seed_b, b), a and b those of `stretches`, by the parameters `wrt`."""
+    reverse = _Reverse(shape, parameters, size, wrt, dr.width(stretch.x))
+
+    def visit(x, y, weight_a, weight_b, sums):
+        seed = dr.fma(seed_a, weight_a, seed_b * weight_b)
+        return (reverse.visit(x, y, sums, lambda *args: radiance_vjp(*args, seed, limits)),)
+
+    return reverse.gradients(*_each_node(stretch, (reverse.sums,), visit))
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
@@ -79,32 +157,38 @@ def levels_vjp(
     shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, seed: Array, x: Array, y: Array, edge: Edge
 ) -> dict:
     """The derivatives of the sum of seed * (level function) over image positions by the parameters `wrt`."""
-
-    def walk(scene, sums, wide, ray):
-        return level_vjp(scene, sums, wide, ray, seed, limits, edge)
-
-    return _reverse(shape, parameters, size, wrt, x, y, walk)
+    reverse = _Reverse(shape, parameters, size, wrt, dr.width(x))
+    return reverse.gradients(reverse.visit(x, y, reverse.sums, lambda *args: level_vjp(*args, seed, limits, edge)))
 
 
-def _reverse(shape: Shape, parameters: dict, size: Array, wrt: dict, x: Array, y: Array, walk) -> dict:
-    wrt = dr.detach(wrt)
-    dr.enable_grad(wrt)
-    scene, camera = prepare(shape.filled(parameters | wrt), size)
-    inputs = of_scene(scene, wrt) | (vars(camera) if any(name.startswith("camera.") for name in wrt) else {})
-    lanes, still = dr.width(x), dr.detach(inputs)
-    # Arrays as wide as the wavefront keep the derivatives of each lane apart
-    wide = {name: value + dr.zeros(type(value), lanes) for name, value in still.items()}
-    basis = {name: wide.pop(name) for name in vars(camera) if name in wide}
-    dr.enable_grad(basis)
-    ray = image_ray(View(**basis) if basis else dr.detach(camera), size, x, y)
-    sums = {name: dr.zeros(type(value), lanes) for name, value in wide.items()}
-    sums, o, d = walk(dr.detach(scene), sums, wide, dr.detach(ray))
-    if basis:
-        pull_back(dr.dot(ray.o, o) + dr.dot(ray.d, d), dr.ones(type(x), lanes))
-        sums |= {name: dr.grad(value) for name, value in basis.items()}
-    dr.eval(sums)
-    for name, value in inputs.items():
-        dr.set_grad(value, total(sums[name]))
-        dr.enqueue(dr.ADMode.Backward, value)
-    dr.traverse(dr.ADMode.Backward)
-    return dr.grad(wrt)
+class _Reverse:
+    """Derivatives by the parameters `wrt`, summed over lanes."""
+
+    def __init__(self, shape: Shape, parameters: dict, size: Array, wrt: dict, lanes: int) -> None:
+        self.wrt = dr.detach(wrt)
+        dr.enable_grad(self.wrt)
+        scene, camera = prepare(shape.filled(parameters | self.wrt), size)
+        self.inputs = of_scene(scene, wrt) | (vars(camera) if any(name.startswith("camera.") for name in wrt) else {})
+        self.scene, self.camera, self.size = dr.detach(scene), dr.detach(camera), size
+        # Arrays as wide as the wavefront keep the derivatives of each lane apart
+        self.wide = {name: value + dr.zeros(type(value), lanes) for name, value in dr.detach(self.inputs).items()}
+        self.basis = {name: self.wide.pop(name) for name in vars(camera) if name in self.wide}
+        self.sums = {name: dr.zeros(type(value), lanes) for name, value in self.inputs.items()}
+
+    def visit(self, x: Array, y: Array, sums: dict, walk: Callable) -> dict:
+        """The sums with the derivatives at an image position added: walk(scene, sums, wide, ray) -> sums, by o, by d."""
+        moving = dr.detach(self.basis)
+        dr.enable_grad(moving)
+        ray = image_ray(View(**moving) if moving else self.camera, self.size, x, y)
+        own, o, d = walk(self.scene, {name: sums[name] for name in self.wide}, self.wide, dr.detach(ray))
+        if moving:
+            pull_back(dr.dot(ray.o, o) + dr.dot(ray.d, d), dr.ones(type(x)))
+        return sums | own | {name: sums[name] + dr.grad(value) for name, value in moving.items()}
+
+    def gradients(self, sums: dict) -> dict:
+        dr.eval(sums)
+        for name, value in self.inputs.items():
+            dr.set_grad(value, total(sums[name]))
+            dr.enqueue(dr.ADMode.Backward, value)
+        dr.traverse(dr.ADMode.Backward)
+        return dr.grad(self.wrt)

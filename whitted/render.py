@@ -23,6 +23,8 @@ from .trace import Limits
 # Samples in a band: enough to keep all cores busy, few enough to report progress and to stop between two of them
 BAND = 1 << 22
 MAX_SPP = 1 << 16
+# Edges that weigh less in a pixel are left to the samples, of which there are `side` along a pixel's side
+FAINT = 1 / 16
 
 
 def render(
@@ -120,7 +122,8 @@ class _Job:
     def limits(self) -> Limits:
         scene = self.scene
         importance = dr.opaque(type(scene.camera.fov), scene.min_importance) if scene.min_importance > 0 else None
-        return Limits(self.max_depth, dr.opaque(ad.UInt32, self.max_depth), importance)
+        real = type(scene.camera.fov)
+        return Limits(self.max_depth, dr.opaque(ad.UInt32, self.max_depth), importance, dr.opaque(real, FAINT / self.side))
 
     def bands(self) -> Iterator[tuple[int, int]]:
         """First row and rows of each band."""

@@ -24,10 +24,6 @@ from .stack import Stack
 from .surface import Surface, any_of, lookup, relative_index, surface
 
 
-# Edges that change a pixel by less than this part of what a node sends are left to the samples
-FAINT = 1 / 64
-
-
 @dataclass
 class Branch:
     """A child of a node: a ray that leaves from its surface."""
@@ -45,6 +41,7 @@ class Limits:
     max_depth: int  # nodes on the longest chain
     depth: Array  # UInt32: the same, opaque to the kernel
     importance: Array | None  # a child whose product of weights is below it is not traced
+    faint: Array | None = None  # edges at nodes whose product of weights is below it are left to the samples
 
 
 def reflects(scene: Scene) -> bool:
@@ -126,12 +123,12 @@ def _walk(scene: Scene, ray: Ray, limits: Limits, label: tuple) -> tuple[Array, 
     """Radiance, and the label, if there is one, with all nodes' decisions mixed in."""
 
     def look(at, weight, active, label):
-        counts = dr.abs(weight) >= FAINT
+        counts = dr.abs(weight) >= limits.faint
         return tuple(dr.select(counts, mix(part, decide(scene, at, active)), part) for part in label)
 
     if not reflects(scene):
         at = surface(scene, ray, closest_hit(scene, ray))
-        return emitted(scene, ray, at), look(at, 1.0, [], label)
+        return emitted(scene, ray, at), look(at, dr.ones(type(at.hit.t)), [], label)
 
     def node(path, result, label, stack, active):
         o, d, weight, links = path
