@@ -51,7 +51,8 @@ from . import probe, wavefront
 from .chain import Path
 from .crossing import Segment
 from .derivative import Edge
-from .edges import Crossings, Pairs, busy_pixels, dense_pairs, deposit, fine_pairs, fine_positions, joined, positions, take
+from .edges import Crossings, Pairs, busy_pixels, contrasting, dense_pairs, deposit, fine_pairs, fine_positions
+from .edges import joined, positions, take
 from .events import NOTHING, SILHOUETTE, TOTAL, Event
 from .film import Film, band
 from .geometry import Array
@@ -60,6 +61,7 @@ from .scene import Shape
 from .trace import Limits
 
 TERMS = ("both", "interior", "boundary")
+CONTRAST = 1 / 32
 # Searches for edges in what is left of a segment
 ROUNDS = 3
 # Most lanes of one call of a kernel: those of derivatives keep all parameters' derivatives for each lane
@@ -88,6 +90,11 @@ class Band:
     def fine_side(self) -> int:
         """Samples along the side of a pixel in which edges meet."""
         return self.side * (2 if self.side == 1 else 4)
+
+    @property
+    def contrast(self) -> float:
+        """Edges between samples that differ less, relative to the brighter one, are left to the samples."""
+        return CONTRAST / self.side**2
 
     def film(self, margin: int) -> Film:
         return band(self.resolution, self.first_row, self.rows, self.side, self.real, margin)
@@ -139,11 +146,12 @@ def chunks(n: int, size: int) -> Iterator[slice]:
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples that each count for one pixel."""
+    """Finer samples, each of one pixel."""
 
     x: np.ndarray
     y: np.ndarray
     pixel: np.ndarray
+    weight: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -165,12 +173,12 @@ class Moving:
     edge: dict[str, np.ndarray]
 
 
-@dataclass(frozen=True)
+@dataclass
 class Correction:
     """What makes a band's pixels those of its regular samples and edges, and not of the samples alone."""
 
     band: Band
-    busy: np.ndarray  # pixels that have finer samples in place of the regular ones
+    weights: np.ndarray  # what the band's regular samples still count for, row by row of samples
     samples: list[Samples] = field(default_factory=list)
     stretches: list[Stretches] = field(default_factory=list)
     edges: list[Moving] = field(default_factory=list)
@@ -180,12 +188,12 @@ class Correction:
         band = self.band
         image = np.zeros((band.rows * band.resolution[0], 3), number(band.real))
         if terms != "boundary":
-            flat = wavefront.image_jvp(band.shape, band.parameters, band.film(0), band.limits, wrt, tangents)
+            film, weights = band.film(0), aligned(self.weights, len(self.weights))
+            flat = wavefront.image_jvp(band.shape, band.parameters, film, band.limits, wrt, tangents, weights)
             image[:] = flat.numpy().reshape(-1, 3)
-            image[self.busy] = 0
             for samples in self.samples:
                 slope = probe.samples_jvp(*band.inputs, wrt, tangents, *band.lanes(samples.x, samples.y))
-                deposit(image, samples.pixel, columns(slope, len(samples.x)) / band.fine_side**2)
+                deposit(image, samples.pixel, columns(slope, len(samples.x)) * samples.weight[:, None])
             for stretches in self.stretches:
                 stretch = Stretch(*band.lanes(*stretches.numbers.values()))
                 _add(image, stretches.pixel, probe.stretches_jvp(*band.inputs, wrt, tangents, stretch))
@@ -199,22 +207,21 @@ class Correction:
     def adjoint(self, wrt: dict, image: Array, terms: str) -> dict:
         """The derivatives of dot(image, pixels) by the parameters `wrt`."""
         band, parts = self.band, []
-        weights = image.numpy().reshape(-1, 3)
+        seeds = image.numpy().reshape(-1, 3)
         if terms != "boundary":
-            plain = aligned(weights.ravel(), weights.size)
-            plain.numpy().reshape(-1, 3)[self.busy] = 0
-            parts.append(wavefront.image_vjp(band.shape, band.parameters, band.film(0), band.limits, wrt, plain))
+            film, weights = band.film(0), aligned(self.weights, len(self.weights))
+            parts.append(wavefront.image_vjp(band.shape, band.parameters, film, band.limits, wrt, image, weights))
             for samples in self.samples:
-                seed = band.color(weights[samples.pixel] / band.fine_side**2)
+                seed = band.color(seeds[samples.pixel] * samples.weight[:, None])
                 parts.append(probe.samples_vjp(*band.inputs, wrt, seed, *band.lanes(samples.x, samples.y)))
             for stretches in self.stretches:
                 stretch = Stretch(*band.lanes(*stretches.numbers.values()))
-                seeds = (band.color(weights[stretches.pixel[:, k]]) for k in (0, 1))
-                parts.append(probe.stretches_vjp(*band.inputs, wrt, stretch, *seeds))
+                both = (band.color(seeds[stretches.pixel[:, k]]) for k in (0, 1))
+                parts.append(probe.stretches_vjp(*band.inputs, wrt, stretch, *both))
         if terms != "interior":
             for edges in self.edges:
-                x, y, seed = band.lanes(edges.x, edges.y, np.einsum("nkc,nkc->n", weights[edges.pixel], edges.change))
-                parts.append(probe.levels_vjp(*band.inputs, wrt, seed, x, y, _edge(edges.edge)))
+                seed = (seeds[edges.pixel] * edges.change).sum((1, 2))
+                parts.append(probe.levels_vjp(*band.inputs, wrt, *band.lanes(seed, edges.x, edges.y), _edge(edges.edge)))
         return {name: sum((part[name] for part in parts), start=dr.zeros(type(value))) for name, value in wrt.items()}
 
 
@@ -238,63 +245,99 @@ def _numbers(edge: Edge, which: np.ndarray) -> dict[str, np.ndarray]:
 
 def correct(band: Band) -> tuple[Array, Correction]:
     """A band's pixels, row-major with RGB interleaved, and what their derivatives need."""
-    flat, labels = wavefront.labelled_image(band.shape, band.parameters, band.film(1), band.limits)
-    width, side = band.resolution[0], band.side
-    labels = labels.numpy().reshape((band.rows + 2) * side, (width + 2) * side)
-    pixels = flat.numpy().reshape(-1, 3)
-    pairs = dense_pairs(labels, side, band.first_row)
-    touched = np.zeros(len(pixels) + 1, bool)
-    touched[pairs.pixel] = True
-    result = Correction(band, busy_pixels(labels, side, np.flatnonzero(touched[:-1])))
-
-    # Busy pixels are done apart
-    touched[:] = False
-    touched[result.busy] = True
-    pairs = replace(pairs, pixel=np.where(touched[pairs.pixel], -1, pairs.pixel))
-    groups = [take(pairs, (pairs.pixel >= 0).any(1))]
-    for part in chunks(len(result.busy), max(1, SAMPLES // (band.fine_side + 2) ** 2)):
-        groups.append(_refine(result, pixels, result.busy[part]))
-    pairs = joined(groups)
-    for part in chunks(len(pairs), LANES):
-        _cross(result, pixels, take(pairs, np.arange(part.start, part.stop)))
-    return flat, result
+    return _Search(band).run()
 
 
-def _refine(result: Correction, image: np.ndarray, pixels: np.ndarray) -> Pairs:
-    """Sample pixels anew, more finely."""
-    band, side = result.band, result.band.fine_side
-    x, y = fine_positions(pixels, band.resolution[0], side, band.first_row)
-    color, label = probe.samples(*band.inputs, *band.lanes(x.ravel(), y.ravel()))
-    inner = (slice(None), slice(1, -1), slice(1, -1))
-    for k, component in enumerate(color):
-        image[pixels, k] = component.numpy()[: x.size].reshape(x.shape)[inner].mean((1, 2))
-    own = np.repeat(pixels, side**2)
-    for part in chunks(len(own), LANES):
-        result.samples.append(Samples(x[inner].ravel()[part], y[inner].ravel()[part], own[part]))
-    return fine_pairs(label.numpy()[: x.size].reshape(x.shape), x, y, pixels)
+class _Search:
+    """The search for a band's edges.
+
+    All samples, regular and finer, are numbered in the order in which they are traced.
+    """
+
+    def __init__(self, band: Band) -> None:
+        self.band = band
+        film = band.film(1)
+        self.flat, colors, labels = wavefront.labelled_image(band.shape, band.parameters, film, band.limits)
+        self.image = self.flat.numpy().reshape(-1, 3)
+        self.grid = labels.numpy().reshape((band.rows + 2) * band.side, -1)
+        # Of all samples
+        self.colors, self.labels = colors.numpy().reshape(-1, 3), self.grid.ravel()
+        self.weights = np.ones((0, 1))
+        self.fine: list[tuple] = []
+        self.result = Correction(band, np.empty(0))
+
+    def run(self) -> tuple[Array, Correction]:
+        band, image = self.band, self.image
+        pairs = contrasting(dense_pairs(self.grid, band.side, band.first_row), self.colors, band.contrast)
+        touched = np.zeros(len(image) + 1, bool)
+        touched[pairs.pixel] = True
+        busy = busy_pixels(self.grid, band.side, np.flatnonzero(touched[:-1]))
+
+        # Busy pixels are done apart
+        touched[:] = False
+        touched[busy] = True
+        pixel = np.where(touched[pairs.pixel], -1, pairs.pixel)
+        groups = [take(replace(pairs, pixel=pixel), (pixel >= 0).any(1))]
+        for part in chunks(len(busy), max(1, SAMPLES // (band.fine_side + 2) ** 2)):
+            groups.append(self.refine(busy[part]))
+        pairs = joined(groups)
+        self.weights = np.ones((len(self.labels), 1), number(band.real))
+        for part in chunks(len(pairs), LANES):
+            self.cross(pairs if len(pairs) <= LANES else take(pairs, np.arange(part.start, part.stop)))
+
+        # What is left of the samples
+        side, columns = band.side, band.resolution[0]
+        regular = self.weights[: self.grid.size].reshape(self.grid.shape)[side:-side, side:-side]
+        regular = np.ascontiguousarray(regular)
+        regular.reshape(band.rows, side, columns, side).transpose(0, 2, 1, 3)[busy // columns, busy % columns] = 0
+        self.result.weights = regular.ravel()
+        for first, x, y, own in self.fine:
+            weight = self.weights[first : first + x.size].reshape(x.shape)[:, 1:-1, 1:-1] / band.fine_side**2
+            x, y = x[:, 1:-1, 1:-1].ravel(), y[:, 1:-1, 1:-1].ravel()
+            for part in chunks(len(x), LANES):
+                self.result.samples.append(Samples(x[part], y[part], own[part], weight.ravel()[part]))
+        return self.flat, self.result
+
+    def refine(self, pixels: np.ndarray) -> Pairs:
+        """Sample pixels anew, more finely."""
+        band, side = self.band, self.band.fine_side
+        x, y = fine_positions(pixels, band.resolution[0], side, band.first_row)
+        color, label = probe.samples(*band.inputs, *band.lanes(x.ravel(), y.ravel()))
+        colors = columns(color, x.size)
+        self.image[pixels] = colors.reshape(*x.shape, 3)[:, 1:-1, 1:-1].mean((1, 2))
+        labels = label.numpy()[: x.size]
+        first = len(self.labels)
+        self.fine.append((first, x, y, np.repeat(pixels, side**2)))
+        self.colors, self.labels = np.concatenate([self.colors, colors]), np.concatenate([self.labels, labels])
+        return contrasting(fine_pairs(labels.reshape(x.shape), x, y, pixels, first), self.colors, band.contrast)
+
+    def cross(self, pairs: Pairs) -> None:
+        """Find the edges between pairs of samples, and correct the pixels."""
+        band = self.band
+        if not len(pairs):
+            return
+        found, edge = _find(band, pairs, self.labels[pairs.sample])
+        if not len(found):
+            return
+        stretched = found.stretched()
+        pixel = found.pairs.pixel
+        deposit(self.image, pixel, found.moved(stretched))
+        if stretched.any():
+            numbers, taken = take(found, stretched).stretches()
+            stretches = Stretches(numbers, pixel[stretched])
+            self.result.stretches.append(stretches)
+            _add(self.image, stretches.pixel, probe.stretches(*band.inputs, Stretch(*band.lanes(*numbers.values()))))
+            sample, length = found.pairs.sample[stretched], found.pairs.length[stretched]
+            deposit(self.image, stretches.pixel, -self.colors[sample] * (taken * length[:, None] ** 2)[:, :, None])
+            deposit(self.weights, sample, -taken[:, :, None])
+        self.result.edges.append(Moving(*positions(found.pairs, found.along), pixel, found.change(), edge))
 
 
-def _cross(result: Correction, image: np.ndarray, pairs: Pairs) -> None:
-    """Find the edges between pairs of samples, and correct the pixels."""
-    band = result.band
-    found, edge = _find(band, pairs)
-    if not len(found):
-        return
-    stretched = found.stretched()
-    deposit(image, found.pairs.pixel, found.moved(stretched))
-    if stretched.any():
-        numbers = take(found, stretched).stretches()
-        stretches = Stretches(numbers, found.pairs.pixel[stretched])
-        result.stretches.append(stretches)
-        _add(image, stretches.pixel, probe.stretches(*band.inputs, Stretch(*band.lanes(*numbers.values()))))
-    result.edges.append(Moving(*positions(found.pairs, found.along), found.pairs.pixel, found.change(), edge))
-
-
-def _find(band: Band, pairs: Pairs) -> tuple[Crossings, dict[str, np.ndarray]]:
+def _find(band: Band, pairs: Pairs, labels: np.ndarray) -> tuple[Crossings, dict[str, np.ndarray]]:
     """Edges between pairs of samples, in the order of `Crossings`, and their paths and events."""
     single = band.real is ad.Float
     ulp = float(np.finfo(number(band.real)).eps) * max(band.resolution)
-    pair, start, length, label = np.arange(len(pairs)), np.zeros(len(pairs)), pairs.length, pairs.label
+    pair, start, length, label = np.arange(len(pairs)), np.zeros(len(pairs)), pairs.length, labels
     groups = []
     for _ in range(ROUNDS):
         here, n = take(pairs, pair), len(pair)

@@ -4,8 +4,9 @@ All in NumPy, on the few samples that are concerned, and in an order that does n
 are numbered row by row; image positions and lengths are in pixels.
 """
 
-from dataclasses import dataclass, is_dataclass
-from typing import TypeVar
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,14 +14,18 @@ Table = TypeVar("Table")
 
 
 
+def _columns(table: Any) -> list:
+    return [getattr(table, field.name) for field in fields(table)]
+
+
 def take(table: Table, which: np.ndarray) -> Table:
     """Some rows of a dataclass of arrays."""
-    return type(table)(*(take(v, which) if is_dataclass(v) else v[which] for v in vars(table).values()))
+    return type(table)(*(take(v, which) if is_dataclass(v) else v[which] for v in _columns(table)))
 
 
 def joined(tables: list[Table]) -> Table:
     """The rows of several dataclasses of arrays."""
-    columns = zip(*(vars(table).values() for table in tables), strict=True)
+    columns = zip(*(_columns(table) for table in tables), strict=True)
     return type(tables[0])(*(joined(c) if is_dataclass(c[0]) else np.concatenate(c) for c in columns))
 
 
@@ -32,36 +37,45 @@ class Pairs:
     y: np.ndarray
     vertical: np.ndarray  # bool
     length: np.ndarray  # from a to b, in pixels
+    sample: np.ndarray  # (N, 2): numbers of a and b
     pixel: np.ndarray  # (N, 2): the pixels that a and b belong to, -1 where those are not to be corrected
     alone: np.ndarray  # (N, 2) bool: no edge is on the other side of a, of b
-    label: np.ndarray  # (N, 2): of a and of b
 
     def __len__(self) -> int:
         return len(self.x)
 
 
 def dense_pairs(labels: np.ndarray, side: int, first_row: int) -> Pairs:
-    """The pairs of a band with a margin of one pixel, whose labels lie row by row of samples."""
-    rows, columns = (length // side - 2 for length in labels.shape)
-    across, down = labels[:, 1:] != labels[:, :-1], labels[1:] != labels[:-1]
+    """The pairs of a band with a margin of one pixel, whose labels lie row by row of samples; samples are numbered so."""
+    stride = labels.shape[1]
     parts = []
-    for vertical, flips in ((False, across), (True, down.T)):
+    for vertical, flips in ((False, labels[:, 1:] != labels[:, :-1]), (True, (labels[1:] != labels[:-1]).T)):
         # Along a line of samples: the pair k is of the samples k and k + 1
-        line, k = np.nonzero(flips[side : -side or None, side - 1 : (1 - side) or None])
+        line, k = np.nonzero(flips[side:-side, side - 1 : (1 - side) or None])
         line, k = line + side, k + side - 1
-        alone = np.stack([~flips[line, np.maximum(k - 1, 0)], ~flips[line, np.minimum(k + 1, flips.shape[1] - 1)]], 1)
+        last = flips.shape[1] - 1
+        alone = np.stack([~flips[line, np.maximum(k - 1, 0)], ~flips[line, np.minimum(k + 1, last)]], 1)
         i, j = (line, k) if vertical else (k, line)
-        other = (i, j + 1) if vertical else (i + 1, j)
-        pixel = np.stack([_pixel(*at, side, rows, columns) for at in ((i, j), other)], 1)
+        step = stride if vertical else 1
+        sample = (j * stride + i)[:, None] + np.array([0, step])
         x, y = (i + 0.5) / side - 1, (j + 0.5) / side - 1 + first_row
-        label = np.stack([labels[j, i], labels[other[1], other[0]]], 1)
-        parts.append(Pairs(x, y, np.full(len(x), vertical), np.full(len(x), 1 / side), pixel, alone, label))
+        pixel = _pixel(sample, side, labels.shape)
+        parts.append(Pairs(x, y, np.full(len(x), vertical), np.full(len(x), 1 / side), sample, pixel, alone))
     return joined(parts)
 
 
-def _pixel(i: np.ndarray, j: np.ndarray, side: int, rows: int, columns: int) -> np.ndarray:
-    x, y = i // side - 1, j // side - 1
+def _pixel(sample: np.ndarray, side: int, shape: tuple[int, ...]) -> np.ndarray:
+    """The pixels of samples of a band with a margin, -1 in the margin."""
+    rows, columns = shape[0] // side - 2, shape[1] // side - 2
+    y, x = sample // (shape[1] * side) - 1, sample % shape[1] // side - 1
     return np.where((x >= 0) & (y >= 0) & (x < columns) & (y < rows), y * columns + x, -1)
+
+
+def contrasting(pairs: Pairs, colors: np.ndarray, least: float) -> Pairs:
+    """The pairs whose samples differ by more than a part of the brighter one, and of which one counts."""
+    a, b = colors[pairs.sample[:, 0]], colors[pairs.sample[:, 1]]
+    flat = np.abs(a - b).max(1) < least * np.maximum(a, b).max(1)
+    return take(pairs, (pairs.pixel >= 0).any(1) & ~flat)
 
 
 def busy_pixels(labels: np.ndarray, side: int, candidates: np.ndarray) -> np.ndarray:
@@ -85,8 +99,8 @@ def fine_positions(pixels: np.ndarray, columns: int, side: int, first_row: int) 
     return x, y
 
 
-def fine_pairs(labels: np.ndarray, x: np.ndarray, y: np.ndarray, pixels: np.ndarray) -> Pairs:
-    """The pairs of pixels with `fine_positions`."""
+def fine_pairs(labels: np.ndarray, x: np.ndarray, y: np.ndarray, pixels: np.ndarray, first: int) -> Pairs:
+    """The pairs of pixels with `fine_positions`, whose samples are numbered from `first` on."""
     side = labels.shape[1] - 2
     parts = []
     for vertical in (False, True):
@@ -95,9 +109,11 @@ def fine_pairs(labels: np.ndarray, x: np.ndarray, y: np.ndarray, pixels: np.ndar
         n, line, k = np.nonzero(flips)
         alone = np.stack([~flips[n, line, np.maximum(k - 1, 0)], ~flips[n, line, np.minimum(k + 1, side)]], 1)
         pixel = np.stack([np.where(k > 0, pixels[n], -1), np.where(k < side, pixels[n], -1)], 1)
-        at = (n, k, line + 1) if vertical else (n, line + 1, k)
-        label = np.stack([turned[n, line + 1, k], turned[n, line + 1, k + 1]], 1)
-        parts.append(Pairs(x[at], y[at], np.full(len(n), vertical), np.full(len(n), 1 / side), pixel, alone, label))
+        j, i = (k, line + 1) if vertical else (line + 1, k)
+        at = (n * (side + 2) + j) * (side + 2) + i
+        sample = first + at[:, None] + np.array([0, side + 2 if vertical else 1])
+        x_a, y_a = x.ravel()[at], y.ravel()[at]
+        parts.append(Pairs(x_a, y_a, np.full(len(n), vertical), np.full(len(n), 1 / side), sample, pixel, alone))
     return joined(parts)
 
 
@@ -116,15 +132,16 @@ class Crossings:
     def __len__(self) -> int:
         return len(self.pair)
 
-    @property
+    @cached_property
     def weight(self) -> np.ndarray:
         """The share of the edge that pairs of this direction account for; those of the other have the rest."""
         # Scaled, as fourth powers leave the range of single precision
         u, v = np.abs(self.slope), np.abs(self.across)
-        u, v = (u / np.maximum(u, v)) ** 4, (v / np.maximum(u, v)) ** 4
+        largest = np.maximum(u, v)
+        u, v = (u / largest) ** 4, (v / largest) ** 4
         return u / (u + v)
 
-    @property
+    @cached_property
     def tilt(self) -> np.ndarray:
         """How far the edge moves along the pair from one line of samples to the next, halved."""
         return np.clip(np.abs(self.across / self.slope), 1e-6, 1) * self.pairs.length / 2
@@ -146,27 +163,33 @@ class Crossings:
         straight = np.minimum(past, 0)
         a = np.where(np.abs(past) < r, -((r - past) ** 2) / (4 * r), straight)
         both = np.stack([a - np.where(stretched, straight, 0), np.where(stretched, straight, past) - a], 1)
-        return both[:, :, None] * (self.weight * self.pairs.length)[:, None, None] * self.jump[:, None]
+        return (both * (self.weight * self.pairs.length)[:, None])[:, :, None] * self.jump[:, None]
 
     def stretched(self) -> np.ndarray:
         """Whether a pair has a singular edge, for each of its crossings."""
-        first = self._first()
+        first = self._first
         return np.repeat(np.logical_or.reduceat(self.singular, first), np.diff(first, append=len(self)))
 
+    @cached_property
     def _first(self) -> np.ndarray:
+        """The first crossing of each pair."""
         return np.flatnonzero(np.diff(self.pair, prepend=-1))
 
-    def stretches(self) -> dict[str, np.ndarray]:
-        """The fields of `quadrature.Stretch`: halfway to the next crossing, or to the end of a sample's cell."""
+    def stretches(self) -> tuple[dict[str, np.ndarray], np.ndarray]:
+        """The fields of `quadrature.Stretch`, and (N, 2) what they take away from the samples a and b, as parts of those.
+
+        A stretch goes halfway to the next crossing, or to the end of a sample's cell.
+        """
         pairs, c, h = self.pairs, self.along, self.pairs.length
-        begins = np.diff(self.pair, prepend=-1) != 0
+        begins = np.zeros(len(self), bool)
+        begins[self._first] = True
         ends = np.roll(begins, -1)
         # Where another edge is on the other side of a sample, its cell ends at the sample
         before, behind = np.where(pairs.alone[:, 0], h / 2, 0), np.where(pairs.alone[:, 1], h / 2, 0)
-        first, count = self._first(), np.diff(self._first(), append=len(self))
         # All crossings of a pair share one weight, so that its samples are taken away as a whole
-        weight = np.repeat(np.add.reduceat(self.weight, first) / count, count) * h
-        return {
+        count = np.diff(self._first, append=len(self))
+        share = np.repeat(np.add.reduceat(self.weight, self._first) / count, count)
+        fields = {
             "x": pairs.x,
             "y": pairs.y,
             "vertical": pairs.vertical,
@@ -174,11 +197,12 @@ class Crossings:
             "edge": c,
             "start": np.where(begins, -before, (c + np.roll(c, 1)) / 2),
             "stop": np.where(ends, h + behind, (c + np.roll(c, -1)) / 2),
-            "own_a": np.where(begins, h / 2 + before, 0),
-            "own_b": np.where(ends, h / 2 + behind, 0),
-            "weight_a": np.where(pairs.pixel[:, 0] >= 0, weight, 0),
-            "weight_b": np.where(pairs.pixel[:, 1] >= 0, weight, 0),
+            "rooted": self.slope > 0,
+            "weight_a": np.where(pairs.pixel[:, 0] >= 0, share * h, 0),
+            "weight_b": np.where(pairs.pixel[:, 1] >= 0, share * h, 0),
         }
+        taken = np.stack([np.where(begins, 0.5 + before / h, 0), np.where(ends, 0.5 + behind / h, 0)], 1)
+        return fields, taken * share[:, None] * (pairs.pixel >= 0)
 
 
 def positions(pairs: Pairs, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -187,8 +211,11 @@ def positions(pairs: Pairs, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def deposit(image: np.ndarray, pixel: np.ndarray, value: np.ndarray) -> None:
-    """Add values, shape (..., 3), to pixels, (...), of an image, (pixels, 3), in a fixed order; pixel -1 takes none."""
-    pixel, value = pixel.ravel(), value.reshape(-1, 3)
+    """Add values, shape (..., channels), to pixels, (...), of an image, (pixels, channels), in a fixed order.
+
+    Pixel -1 takes none.
+    """
+    pixel, value = pixel.ravel(), value.reshape(-1, image.shape[1])
     order = np.argsort(pixel, kind="stable")
     order = order[np.searchsorted(pixel, 0, sorter=order) :]
     if len(order):

@@ -52,11 +52,11 @@ def crossings(
     return found, colors[0], labels[0], colors[1], labels[1]
 
 
-def _each_node(stretch: Stretch, state: tuple, visit: Callable) -> tuple:
+def _each_node(stretch: Stretch, state: tuple, visit: Callable, derivative: bool = True) -> tuple:
     """Visit all nodes of stretches in turn: visit(x, y, weight_a, weight_b, *state) -> state."""
 
     def step(k, *state):
-        return k + 1, *visit(*node(stretch, k), *state)
+        return k + 1, *visit(*node(stretch, k, derivative), *state)
 
     first = dr.zeros(ad.Int, dr.width(stretch.x))
     return dr.while_loop((first, *state), lambda k, *_: k < NODES, step, mode="symbolic", label="nodes")[1:]
@@ -72,7 +72,7 @@ def stretches(shape: Shape, parameters: dict, size: Array, limits: Limits, stret
         return dr.fma(color, weight_a, a), dr.fma(color, weight_b, b)
 
     dark = dr.zeros(type(scene.background), dr.width(stretch.x))
-    return _each_node(stretch, (dark, dark + 0), visit)
+    return _each_node(stretch, (dark, dark + 0), visit, derivative=False)
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)

@@ -1,9 +1,10 @@
 """Samples that integrate radiance between two neighbours with an edge in between, in place of the two.
 
-On either side of an edge radiance is a + b sqrt(distance) + ..., because near a silhouette so is the normal, and its
-derivative a / sqrt(distance) + b + ...; likewise where total reflection begins. Two of Gauss's points in
-sqrt(distance) integrate both exactly, on each side, up to the cells' ends. The border between the two samples' cells
-cuts one of the sides; the part between it and the edge has a point of its own.
+On one side of a silhouette, where the sphere is, radiance is a + b sqrt(distance) + ..., because so is the normal, and its
+derivative a / sqrt(distance) + b + ...; the same holds where refraction ends in total reflection. There one sample, well
+placed, integrates the first two terms exactly: between the distances u^2 and v^2 from the edge, of the weight
+v^2 - u^2, it lies at the square of 2/3 (v^3 - u^3) / (v^2 - u^2) for radiance, and of (u + v) / 2 for the derivative. On the
+other side it lies in the middle. The border between the cells of the two neighbours cuts one of the sides in two.
 """
 
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ import drjit as dr
 
 from .geometry import Array
 
-NODES = 7
+NODES = 3
 
 
 @dataclass
@@ -29,37 +30,34 @@ class Stretch:
     edge: Array
     start: Array
     stop: Array
-    own_a: Array  # the length that a itself stood for
-    own_b: Array
+    rooted: Array  # Bool: the square root is behind the edge, not before it
     weight_a: Array  # in the pixel of a, for a unit of length
     weight_b: Array
 
 
-def node(stretch: Stretch, k: Array) -> tuple[Array, Array, Array, Array]:
+def node(stretch: Stretch, k: Array, derivative: bool) -> tuple[Array, Array, Array, Array]:
     """The k-th sample: its image position, and its weights in the pixels of a and of b.
 
-    Number 0 lies between the edge and the cells' border, 1 and 2 before and 3 and 4 behind; 5 and 6 are a and b, taken away.
+    Number 0 lies between the edge and the cells' border, 1 before and 2 behind both.
+
+    Args:
+        derivative: the samples are for the derivative of radiance, not for radiance.
     """
     c, half = stretch.edge, stretch.length / 2
     border = dr.fmin(dr.fmax(half, stretch.start), stretch.stop)
-    near, left = dr.abs(c - border), c < border
-
-    # Gauss's points on one side, beyond the border if that is where it lies
-    behind = k >= 3
-    inner = dr.sqrt(dr.select(left == behind, near, 0))
+    near = dr.abs(c - border)
+    behind = dr.select(k == 0, c < border, k == 2)
     end = dr.abs(dr.select(behind, stretch.stop, stretch.start) - c)
-    outer = dr.fmax(dr.sqrt(end), inner)
-    root = (inner + outer) / 2 + dr.select((k == 1) | (k == 3), -1, 1) * (outer - inner) * 0.5 / 3**0.5
+    low = dr.select((k != 0) & (behind == (c < border)), near, 0)
+    high = dr.fmax(dr.select(k == 0, near, end), low)
+    weight, middle = high - low, (high + low) / 2
+    u, v = dr.sqrt(low), dr.sqrt(high)
+    if derivative:
+        root = (u + v) / 2
+    else:
+        root = (u * u + u * v + v * v) / dr.select(v > 0, u + v, 1) * (2 / 3)
+    distance = dr.select(behind == stretch.rooted, root * root, middle)
     sign = dr.select(behind, 1, -1)
-    along, weight = c + sign * root * root, (outer - inner) * root
-    middle = c + sign * (inner * inner + outer * outer) / 2
-
-    between = dr.select(left, near, -near)
-    along, weight = dr.select(k == 0, c + between / 4, along), dr.select(k == 0, near, weight)
-    middle = dr.select(k == 0, c + between / 2, middle)
-    own = k >= 5
-    along = dr.select(own, dr.select(k == 5, 0, stretch.length), along)
-    weight = dr.select(own, -dr.select(k == 5, stretch.own_a, stretch.own_b), weight)
-    in_b = dr.select(own, k == 6, middle > half)
+    along, in_b = c + sign * distance, c + sign * middle > half
     x, y = stretch.x + dr.select(stretch.vertical, 0, along), stretch.y + dr.select(stretch.vertical, along, 0)
     return x, y, dr.select(in_b, 0, weight * stretch.weight_a), dr.select(in_b, weight * stretch.weight_b, 0)

@@ -24,7 +24,7 @@ from .trace import Limits
 BAND = 1 << 22
 MAX_SPP = 1 << 16
 # Edges that weigh less in a pixel are left to the samples, of which there are `side` along a pixel's side
-FAINT = 1 / 16
+FAINT = 1 / 8
 
 
 def render(
@@ -123,7 +123,7 @@ class _Job:
         scene = self.scene
         importance = dr.opaque(type(scene.camera.fov), scene.min_importance) if scene.min_importance > 0 else None
         real = type(scene.camera.fov)
-        return Limits(self.max_depth, dr.opaque(ad.UInt32, self.max_depth), importance, dr.opaque(real, FAINT / self.side))
+        return Limits(self.max_depth, dr.opaque(ad.UInt32, self.max_depth), importance, dr.opaque(real, FAINT / self.side**2))
 
     def bands(self) -> Iterator[tuple[int, int]]:
         """First row and rows of each band."""

@@ -64,24 +64,31 @@ def image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> Array:
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
-def labelled_image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> tuple[Array, Array]:
-    """A band's pixels, and the labels of its samples and of those in its margin, row by row of samples."""
+def labelled_image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> tuple[Array, Array, Array]:
+    """A band's pixels, and radiance and labels of its samples and of those in its margin, row by row of samples."""
     scene, camera = prepare(shape.filled(parameters), film.size)
-    labels = dr.zeros(ad.UInt32, film.labels)
+    colors, labels = dr.zeros(type(film.step), film.labels * 3), dr.zeros(ad.UInt32, film.labels)
     row = (film.width + 2 * film.margin) * film.side
 
     def of_sample(x, y, i, j):
         color, label = labelled_radiance(scene, sample_ray(camera, film, x, y, i, j), limits)
-        index = ((y + film.margin) * film.side + j) * row + (x + film.margin) * film.side + i
-        dr.scatter(labels, label, ad.UInt32(index))
+        index = ad.UInt32(((y + film.margin) * film.side + j) * row + (x + film.margin) * film.side + i)
+        dr.scatter(labels, label, index)
+        dr.scatter(colors, color, index)
         return color
 
-    return accumulate(film, of_sample, type(scene.background)), labels
+    return accumulate(film, of_sample, type(scene.background)), colors, labels
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
-def image_jvp(shape: Shape, parameters: dict, film: Film, limits: Limits, wrt: dict, tangents: dict) -> Array:
-    """The derivative of `image` along the tangents of the parameters `wrt`."""
+def image_jvp(
+    shape: Shape, parameters: dict, film: Film, limits: Limits, wrt: dict, tangents: dict, weights: Array | None = None
+) -> Array:
+    """The derivative of `image` along the tangents of the parameters `wrt`.
+
+    Args:
+        weights: what each sample counts for, row by row of samples [default: 1].
+    """
     wrt = dr.detach(wrt)
     dr.enable_grad(wrt)
     dr.set_grad(wrt, tangents)
@@ -97,19 +104,22 @@ def image_jvp(shape: Shape, parameters: dict, film: Film, limits: Limits, wrt: d
         dr.set_grad(moving, camera_tangent)
         ray = sample_ray(moving, film, x, y, i, j)
         push_forward(moving)
-        return radiance_jvp(scene, tangents, dr.detach(ray), dr.grad(ray.o), dr.grad(ray.d), limits)
+        slope = radiance_jvp(scene, tangents, dr.detach(ray), dr.grad(ray.o), dr.grad(ray.d), limits)
+        return slope if weights is None else slope * _weight(film, weights, x, y, i, j)
 
     return accumulate(film, of_sample, type(scene.background))
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
-def image_vjp(shape: Shape, parameters: dict, film: Film, limits: Limits, wrt: dict, adjoint: Array) -> dict:
-    """The derivatives of dot(adjoint, image) by the parameters `wrt`."""
+def image_vjp(
+    shape: Shape, parameters: dict, film: Film, limits: Limits, wrt: dict, adjoint: Array, weights: Array | None = None
+) -> dict:
+    """The derivatives of dot(adjoint, image) by the parameters `wrt`, with weights as those of `image_jvp`."""
     wrt = dr.detach(wrt)
     dr.enable_grad(wrt)
     scene, camera = prepare(shape.filled(parameters | wrt), film.size)
     inputs = of_scene(scene, wrt) | (vars(camera) if any(name.startswith("camera.") for name in wrt) else {})
-    gradients = _vjp(dr.detach(scene), dr.detach(camera), film, limits, dr.detach(inputs), adjoint)
+    gradients = _vjp(dr.detach(scene), dr.detach(camera), film, limits, dr.detach(inputs), adjoint, weights)
     for name, value in inputs.items():
         dr.set_grad(value, gradients[name])
         dr.enqueue(dr.ADMode.Backward, value)
@@ -123,7 +133,14 @@ def of_scene(scene: Scene, wrt: dict) -> dict[str, Array]:
     return scene.parameters(*names) if names else {}
 
 
-def _vjp(scene: Scene, camera: View, film: Film, limits: Limits, inputs: dict, adjoint: Array) -> dict[str, Array]:
+def _weight(film: Film, weights: Array, x: Array, y: Array, i: Array, j: Array) -> Array:
+    index = ((y * film.side + j) * film.width + x) * film.side + i
+    return dr.gather(type(film.step), weights, ad.UInt32(index), (x < film.width) & (y < film.rows))
+
+
+def _vjp(
+    scene: Scene, camera: View, film: Film, limits: Limits, inputs: dict, adjoint: Array, weights: Array | None
+) -> dict[str, Array]:
     """The derivatives of dot(adjoint, image) by the prepared parameters."""
     real, color = type(film.size.x), type(scene.background)
     lanes = min(film.lanes, REVERSE_LANES)
@@ -136,6 +153,7 @@ def _vjp(scene: Scene, camera: View, film: Film, limits: Limits, inputs: dict, a
     def sample(index, i, j, sums, active):
         x, y, valid = pixel(film, index)
         seed = dr.gather(color, adjoint, ad.UInt32(y * film.width + x), valid) * (film.step * film.step)
+        seed = seed if weights is None else seed * _weight(film, weights, x, y, i, j)
         moving = dr.detach(basis)
         dr.enable_grad(moving)
         ray = sample_ray(View(**moving) if moving else camera, film, x, y, i, j)
