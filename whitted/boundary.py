@@ -51,8 +51,8 @@ from . import probe, wavefront
 from .chain import Path
 from .crossing import Segment
 from .derivative import Edge
-from .edges import Crossings, Pairs, busy_pixels, contrasting, dense_pairs, deposit, fine_pairs, fine_positions
-from .edges import joined, positions, take
+from .edges import Crossings, Pairs, contrasting, dense_pairs, deposit, fine_pairs, fine_positions
+from .edges import joined, label_counts, positions, take
 from .events import NOTHING, SILHOUETTE, TOTAL, Event
 from .film import Film, band
 from .geometry import Array
@@ -61,7 +61,7 @@ from .scene import Shape
 from .trace import Limits
 
 TERMS = ("both", "interior", "boundary")
-CONTRAST = 1 / 32
+CONTRAST = 1 / 16
 # Searches for edges in what is left of a segment
 ROUNDS = 3
 # Most lanes of one call of a kernel: those of derivatives keep all parameters' derivatives for each lane
@@ -85,11 +85,6 @@ class Band:
     @property
     def real(self) -> type:
         return type(self.shape.scene.camera.fov)
-
-    @property
-    def fine_side(self) -> int:
-        """Samples along the side of a pixel in which edges meet."""
-        return self.side * (2 if self.side == 1 else 4)
 
     @property
     def contrast(self) -> float:
@@ -126,12 +121,11 @@ def lanes(array: np.ndarray) -> Array:
 
 
 def aligned(array: np.ndarray, length: int) -> Array:
-    """A Dr.Jit array in memory of its own, as one in NumPy's memory of other alignment would get a kernel of its own."""
-    memory = np.zeros(length * array.itemsize + 64, np.uint8)
-    start = -memory.ctypes.data % 64
-    own = memory[start : start + length * array.itemsize].view(array.dtype)
-    own[: len(array)] = array
-    return getattr(ad, KINDS[array.dtype])(own)
+    """A Dr.Jit array in Dr.Jit's memory, as one in NumPy's, of another alignment, would get a kernel of its own."""
+    result = dr.empty(getattr(ad, KINDS[array.dtype]), length)
+    memory = result.numpy()
+    memory[: len(array)], memory[len(array) :] = array, 0
+    return result
 
 
 def columns(value: Array, n: int) -> np.ndarray:
@@ -183,14 +177,24 @@ class Correction:
     stretches: list[Stretches] = field(default_factory=list)
     edges: list[Moving] = field(default_factory=list)
 
+    def sample_weights(self) -> Array | None:
+        """The regular samples' weights, if there are several in a pixel."""
+        return aligned(self.weights, len(self.weights)) if self.band.side > 1 else None
+
+    def weigh_pixels(self, image: np.ndarray) -> None:
+        """Multiply pixels by the weights of their only samples."""
+        if self.band.side == 1:
+            changed = np.flatnonzero(self.weights != 1)
+            image[changed] *= self.weights[changed, None]
+
     def tangent(self, wrt: dict, tangents: dict, terms: str) -> Array:
         """The pixels' derivative along the tangents of the parameters `wrt`."""
         band = self.band
         image = np.zeros((band.rows * band.resolution[0], 3), number(band.real))
         if terms != "boundary":
-            film, weights = band.film(0), aligned(self.weights, len(self.weights))
-            flat = wavefront.image_jvp(band.shape, band.parameters, film, band.limits, wrt, tangents, weights)
-            image[:] = flat.numpy().reshape(-1, 3)
+            inputs = band.shape, band.parameters, band.film(0), band.limits, wrt, tangents
+            image[:] = wavefront.image_jvp(*inputs, self.sample_weights()).numpy().reshape(-1, 3)
+            self.weigh_pixels(image)
             for samples in self.samples:
                 slope = probe.samples_jvp(*band.inputs, wrt, tangents, *band.lanes(samples.x, samples.y))
                 deposit(image, samples.pixel, columns(slope, len(samples.x)) * samples.weight[:, None])
@@ -209,8 +213,10 @@ class Correction:
         band, parts = self.band, []
         seeds = image.numpy().reshape(-1, 3)
         if terms != "boundary":
-            film, weights = band.film(0), aligned(self.weights, len(self.weights))
-            parts.append(wavefront.image_vjp(band.shape, band.parameters, film, band.limits, wrt, image, weights))
+            plain = aligned(seeds.ravel(), seeds.size)
+            self.weigh_pixels(plain.numpy().reshape(-1, 3))
+            inputs = band.shape, band.parameters, band.film(0), band.limits, wrt, plain
+            parts.append(wavefront.image_vjp(*inputs, self.sample_weights()))
             for samples in self.samples:
                 seed = band.color(seeds[samples.pixel] * samples.weight[:, None])
                 parts.append(probe.samples_vjp(*band.inputs, wrt, seed, *band.lanes(samples.x, samples.y)))
@@ -243,9 +249,9 @@ def _numbers(edge: Edge, which: np.ndarray) -> dict[str, np.ndarray]:
     return {name: value[which if len(value) > 1 else np.zeros_like(which)] for name, value in numbers.items()}
 
 
-def correct(band: Band) -> tuple[Array, Correction]:
-    """A band's pixels, row-major with RGB interleaved, and what their derivatives need."""
-    return _Search(band).run()
+def correct(band: Band, keep: bool) -> tuple[Array, Correction]:
+    """A band's pixels, row-major with RGB interleaved, and, if it is to be kept, what their derivatives need."""
+    return _Search(band, keep).run()
 
 
 class _Search:
@@ -254,118 +260,135 @@ class _Search:
     All samples, regular and finer, are numbered in the order in which they are traced.
     """
 
-    def __init__(self, band: Band) -> None:
-        self.band = band
+    def __init__(self, band: Band, keep: bool) -> None:
+        self.band, self.keep = band, keep
         film = band.film(1)
         self.flat, colors, labels = wavefront.labelled_image(band.shape, band.parameters, film, band.limits)
         self.image = self.flat.numpy().reshape(-1, 3)
         self.grid = labels.numpy().reshape((band.rows + 2) * band.side, -1)
-        # Of all samples
-        self.colors, self.labels = colors.numpy().reshape(-1, 3), self.grid.ravel()
-        self.weights = np.ones((0, 1))
+        self.colors = colors.numpy().reshape(-1, 3)
+        self.count, self.weights = self.grid.size, np.ones((0, 1))
         self.fine: list[tuple] = []
         self.result = Correction(band, np.empty(0))
 
     def run(self) -> tuple[Array, Correction]:
         band, image = self.band, self.image
-        pairs = contrasting(dense_pairs(self.grid, band.side, band.first_row), self.colors, band.contrast)
+        pairs = dense_pairs(self.grid, self.colors, band.side, band.first_row)
         touched = np.zeros(len(image) + 1, bool)
         touched[pairs.pixel] = True
-        busy = busy_pixels(self.grid, band.side, np.flatnonzero(touched[:-1]))
+        busy = np.flatnonzero(touched[:-1])
+        counts = label_counts(self.grid, self.colors, band.side, busy, band.contrast)
+        # With a single sample a pixel, three labels are often one edge that ends at another
+        meets, crowds = (busy[counts == 3], busy[counts > 3]) if band.side == 1 else (busy[:0], busy[counts > 2])
+        busy = np.concatenate([meets, crowds])
 
         # Busy pixels are done apart
         touched[:] = False
         touched[busy] = True
         pixel = np.where(touched[pairs.pixel], -1, pairs.pixel)
-        groups = [take(replace(pairs, pixel=pixel), (pixel >= 0).any(1))]
-        for part in chunks(len(busy), max(1, SAMPLES // (band.fine_side + 2) ** 2)):
-            groups.append(self.refine(busy[part]))
+        pairs = take(replace(pairs, pixel=pixel), np.flatnonzero((pixel >= 0).any(1)))
+        groups = [contrasting(pairs, band.contrast)]
+        if len(meets):
+            groups.append(contrasting(self.refine(meets, 2 * band.side), band.contrast))
+        for part in chunks(len(crowds), max(1, SAMPLES // (4 * band.side + 2) ** 2)):
+            groups.append(self.refine(crowds[part], 4 * band.side))
         pairs = joined(groups)
-        self.weights = np.ones((len(self.labels), 1), number(band.real))
+        if self.keep:
+            self.weights = np.ones((self.count, 1), number(band.real))
         for part in chunks(len(pairs), LANES):
             self.cross(pairs if len(pairs) <= LANES else take(pairs, np.arange(part.start, part.stop)))
 
-        # What is left of the samples
+        if self.keep:
+            self.keep_samples(busy)
+        return self.flat, self.result
+
+    def keep_samples(self, busy: np.ndarray) -> None:
+        """What is left of the samples, for the derivatives."""
+        band = self.band
         side, columns = band.side, band.resolution[0]
         regular = self.weights[: self.grid.size].reshape(self.grid.shape)[side:-side, side:-side]
         regular = np.ascontiguousarray(regular)
         regular.reshape(band.rows, side, columns, side).transpose(0, 2, 1, 3)[busy // columns, busy % columns] = 0
         self.result.weights = regular.ravel()
         for first, x, y, own in self.fine:
-            weight = self.weights[first : first + x.size].reshape(x.shape)[:, 1:-1, 1:-1] / band.fine_side**2
+            weight = self.weights[first : first + x.size].reshape(x.shape)[:, 1:-1, 1:-1] / (x.shape[1] - 2) ** 2
             x, y = x[:, 1:-1, 1:-1].ravel(), y[:, 1:-1, 1:-1].ravel()
             for part in chunks(len(x), LANES):
                 self.result.samples.append(Samples(x[part], y[part], own[part], weight.ravel()[part]))
-        return self.flat, self.result
 
-    def refine(self, pixels: np.ndarray) -> Pairs:
+    def refine(self, pixels: np.ndarray, side: int) -> Pairs:
         """Sample pixels anew, more finely."""
-        band, side = self.band, self.band.fine_side
+        band = self.band
         x, y = fine_positions(pixels, band.resolution[0], side, band.first_row)
         color, label = probe.samples(*band.inputs, *band.lanes(x.ravel(), y.ravel()))
         colors = columns(color, x.size)
         self.image[pixels] = colors.reshape(*x.shape, 3)[:, 1:-1, 1:-1].mean((1, 2))
-        labels = label.numpy()[: x.size]
-        first = len(self.labels)
+        first, self.count = self.count, self.count + x.size
         self.fine.append((first, x, y, np.repeat(pixels, side**2)))
-        self.colors, self.labels = np.concatenate([self.colors, colors]), np.concatenate([self.labels, labels])
-        return contrasting(fine_pairs(labels.reshape(x.shape), x, y, pixels, first), self.colors, band.contrast)
+        labels = label.numpy()[: x.size].reshape(x.shape)
+        return fine_pairs(labels, colors, x, y, pixels, first)
 
     def cross(self, pairs: Pairs) -> None:
         """Find the edges between pairs of samples, and correct the pixels."""
         band = self.band
         if not len(pairs):
             return
-        found, edge = _find(band, pairs, self.labels[pairs.sample])
+        found, edge = _find(band, pairs)
         if not len(found):
             return
         stretched = found.stretched()
         pixel = found.pairs.pixel
         deposit(self.image, pixel, found.moved(stretched))
         if stretched.any():
-            numbers, taken = take(found, stretched).stretches()
-            stretches = Stretches(numbers, pixel[stretched])
-            self.result.stretches.append(stretches)
-            _add(self.image, stretches.pixel, probe.stretches(*band.inputs, Stretch(*band.lanes(*numbers.values()))))
-            sample, length = found.pairs.sample[stretched], found.pairs.length[stretched]
-            deposit(self.image, stretches.pixel, -self.colors[sample] * (taken * length[:, None] ** 2)[:, :, None])
-            deposit(self.weights, sample, -taken[:, :, None])
-        self.result.edges.append(Moving(*positions(found.pairs, found.along), pixel, found.change(), edge))
+            stretched = np.flatnonzero(stretched)
+            part = take(found, stretched)
+            numbers, taken = part.stretches()
+            _add(self.image, part.pairs.pixel, probe.stretches(*band.inputs, Stretch(*band.lanes(*numbers.values()))))
+            away = taken * part.pairs.length[:, None] ** 2
+            deposit(self.image, part.pairs.pixel, -part.pairs.color * away[:, :, None])
+            if self.keep:
+                self.result.stretches.append(Stretches(numbers, part.pairs.pixel))
+                deposit(self.weights, part.pairs.sample, -taken[:, :, None])
+        if self.keep:
+            self.result.edges.append(Moving(*positions(found.pairs, found.along), pixel, found.change(), edge))
 
 
-def _find(band: Band, pairs: Pairs, labels: np.ndarray) -> tuple[Crossings, dict[str, np.ndarray]]:
+def _find(band: Band, pairs: Pairs) -> tuple[Crossings, dict[str, np.ndarray]]:
     """Edges between pairs of samples, in the order of `Crossings`, and their paths and events."""
     single = band.real is ad.Float
     ulp = float(np.finfo(number(band.real)).eps) * max(band.resolution)
-    pair, start, length, label = np.arange(len(pairs)), np.zeros(len(pairs)), pairs.length, labels
+    gaps = np.maximum(pairs.length * (2.0**-10 if single else 1e-6), 8 * ulp)
+    pair, start, length, labels = np.arange(len(pairs)), np.zeros(len(pairs)), pairs.length, pairs.label
     groups = []
     for _ in range(ROUNDS):
-        here, n = take(pairs, pair), len(pair)
-        gap = np.maximum(here.length * (2.0**-10 if single else 1e-6), 8 * ulp)
+        n, here, gap = len(pair), pairs if not groups else take(pairs, pair), gaps[pair]
         segment = Segment(*band.lanes(*positions(here, start), here.vertical, length))
-        crossing, *beside = probe.crossings(*band.inputs, segment, *band.lanes(gap))
+        crossing, jump, label_before, label_behind = probe.crossings(*band.inputs, segment, *band.lanes(gap))
         t, slope, across = (value.numpy()[:n] for value in (crossing.t, crossing.slope, crossing.across))
         valid = crossing.edge.event.kind.numpy()[:n] != NOTHING
         valid &= np.isfinite(t) & np.isfinite(slope) & np.isfinite(across) & (slope != 0)
         along = start + np.where(valid, t, 0) * length
-        sides = np.stack([beside[1].numpy()[:n], beside[3].numpy()[:n]], 1)
-        kept = np.flatnonzero(valid & (sides[:, 0] != sides[:, 1]))
-        jump = columns(beside[0] - beside[2], n)[kept]
-        edge = _numbers(crossing.edge, kept)
-        singular = (edge["kind"] == SILHOUETTE) | (edge["kind"] == TOTAL)
-        groups.append((Crossings(take(here, kept), pair[kept], along[kept], slope[kept], across[kept], jump, singular), edge))
+        left_label, right_label = label_before.numpy()[:n], label_behind.numpy()[:n]
+        kept = np.flatnonzero(valid & (left_label != right_label))
+        numbers = {"pair": pair, "along": along, "slope": slope, "across": across}
+        group = {name: value[kept] for name, value in numbers.items()}
+        group["jump"] = columns(jump, n)[kept]
+        groups.append(group | _numbers(crossing.edge, kept))
 
         # What is left of the segment on either side
-        before, behind = along - gap - start, start + length - along - gap
-        left = np.flatnonzero(valid & (sides[:, 0] != label[:, 0]) & (before > gap))
-        right = np.flatnonzero(valid & (sides[:, 1] != label[:, 1]) & (behind > gap))
-        ends = np.stack([label[left, 0], sides[left, 0]], 1), np.stack([sides[right, 1], label[right, 1]], 1)
-        pair, label = np.concatenate([pair[left], pair[right]]), np.concatenate(ends)
+        stop = start + length
+        left = np.flatnonzero(valid & (left_label != labels[:, 0]) & (along - start > 2 * gap))
+        right = np.flatnonzero(valid & (right_label != labels[:, 1]) & (stop - along > 2 * gap))
+        ends = np.stack([labels[left, 0], left_label[left]], 1), np.stack([right_label[right], labels[right, 1]], 1)
+        length = np.concatenate([(along - gap - start)[left], (stop - along - gap)[right]])
         start = np.concatenate([start[left], (along + gap)[right]])
-        length = np.concatenate([before[left], behind[right]])
+        pair, labels = np.concatenate([pair[left], pair[right]]), np.concatenate(ends)
         if not len(pair):
             break
-    found = joined([crossings for crossings, _ in groups])
-    order = np.lexsort((found.along, found.pair))
-    edge = {name: np.concatenate([part[name] for _, part in groups])[order] for name in groups[0][1]}
-    return take(found, order), edge
+    table = {name: np.concatenate([group[name] for group in groups]) for name in groups[0]}
+    # By pair, then by distance, which is less than a pixel
+    order = np.argsort(table["pair"] + table["along"] / 2, kind="stable")
+    table = {name: value.take(order, 0) for name, value in table.items()}
+    numbers = [table.pop(name) for name in ("pair", "along", "slope", "across", "jump")]
+    singular = (table["kind"] == SILHOUETTE) | (table["kind"] == TOTAL)
+    return Crossings(take(pairs, numbers[0]), *numbers, singular), table

@@ -19,8 +19,8 @@ def _columns(table: Any) -> list:
 
 
 def take(table: Table, which: np.ndarray) -> Table:
-    """Some rows of a dataclass of arrays."""
-    return type(table)(*(take(v, which) if is_dataclass(v) else v[which] for v in _columns(table)))
+    """Some rows of a dataclass of arrays, by number."""
+    return type(table)(*(take(v, which) if is_dataclass(v) else v.take(which, 0) for v in _columns(table)))
 
 
 def joined(tables: list[Table]) -> Table:
@@ -38,6 +38,8 @@ class Pairs:
     vertical: np.ndarray  # bool
     length: np.ndarray  # from a to b, in pixels
     sample: np.ndarray  # (N, 2): numbers of a and b
+    label: np.ndarray  # (N, 2)
+    color: np.ndarray  # (N, 2, 3)
     pixel: np.ndarray  # (N, 2): the pixels that a and b belong to, -1 where those are not to be corrected
     alone: np.ndarray  # (N, 2) bool: no edge is on the other side of a, of b
 
@@ -45,22 +47,23 @@ class Pairs:
         return len(self.x)
 
 
-def dense_pairs(labels: np.ndarray, side: int, first_row: int) -> Pairs:
+def dense_pairs(labels: np.ndarray, colors: np.ndarray, side: int, first_row: int) -> Pairs:
     """The pairs of a band with a margin of one pixel, whose labels lie row by row of samples; samples are numbered so."""
     stride = labels.shape[1]
     parts = []
-    for vertical, flips in ((False, labels[:, 1:] != labels[:, :-1]), (True, (labels[1:] != labels[:-1]).T)):
-        # Along a line of samples: the pair k is of the samples k and k + 1
-        line, k = np.nonzero(flips[side:-side, side - 1 : (1 - side) or None])
-        line, k = line + side, k + side - 1
-        last = flips.shape[1] - 1
-        alone = np.stack([~flips[line, np.maximum(k - 1, 0)], ~flips[line, np.minimum(k + 1, last)]], 1)
-        i, j = (line, k) if vertical else (k, line)
-        step = stride if vertical else 1
-        sample = (j * stride + i)[:, None] + np.array([0, step])
-        x, y = (i + 0.5) / side - 1, (j + 0.5) / side - 1 + first_row
+    for vertical, step in ((False, 1), (True, stride)):
+        flips = labels.ravel()[step:] != labels.ravel()[:-step]
+        a = np.flatnonzero(flips)
+        sample = a[:, None] + np.array([0, step])
         pixel = _pixel(sample, side, labels.shape)
-        parts.append(Pairs(x, y, np.full(len(x), vertical), np.full(len(x), 1 / side), sample, pixel, alone))
+        # Not those in the margin, among which are those from the end of a row to the next one's start
+        kept = (pixel >= 0).any(1)
+        a, sample, pixel = a[kept], sample[kept], pixel[kept]
+        j, i = np.divmod(a, stride)
+        alone = ~np.stack([flips.take(a - step, mode="clip"), flips.take(a + step, mode="clip")], 1)
+        x, y = (i + 0.5) / side - 1, (j + 0.5) / side - 1 + first_row
+        length, label = np.full(len(a), 1 / side), labels.ravel()[sample]
+        parts.append(Pairs(x, y, np.full(len(a), vertical), length, sample, label, colors.take(sample, 0), pixel, alone))
     return joined(parts)
 
 
@@ -71,24 +74,28 @@ def _pixel(sample: np.ndarray, side: int, shape: tuple[int, ...]) -> np.ndarray:
     return np.where((x >= 0) & (y >= 0) & (x < columns) & (y < rows), y * columns + x, -1)
 
 
-def contrasting(pairs: Pairs, colors: np.ndarray, least: float) -> Pairs:
-    """The pairs whose samples differ by more than a part of the brighter one, and of which one counts."""
-    a, b = colors[pairs.sample[:, 0]], colors[pairs.sample[:, 1]]
+def contrasting(pairs: Pairs, least: float) -> Pairs:
+    """The pairs whose samples differ by more than a part of the brighter one."""
+    a, b = pairs.color[:, 0], pairs.color[:, 1]
     flat = np.abs(a - b).max(1) < least * np.maximum(a, b).max(1)
-    return take(pairs, (pairs.pixel >= 0).any(1) & ~flat)
+    return take(pairs, np.flatnonzero(~flat))
 
 
-def busy_pixels(labels: np.ndarray, side: int, candidates: np.ndarray) -> np.ndarray:
-    """Those of the candidate pixels whose samples and their neighbours have three labels or more: edges meet there."""
+def label_counts(labels: np.ndarray, colors: np.ndarray, side: int, pixels: np.ndarray, least: float) -> np.ndarray:
+    """How many labels the samples of a pixel and their neighbours have; 1 where their contrast is too small."""
     stride = labels.shape[1]
     columns = stride // side - 2
     across, inner = np.meshgrid(np.arange(-1, side + 1), np.arange(side))
     window = np.unique(np.concatenate([inner * stride + across, across * stride + inner]))
-    start = (candidates // columns + 1) * side * stride + (candidates % columns + 1) * side
-    near = labels.ravel()[start[:, None] + window]
-    first = near[:, :1]
-    second = np.where(near != first, near, 0).max(1, keepdims=True, initial=0)
-    return candidates[((near != first) & (near != second)).any(1)]
+    start = (pixels // columns + 1) * side * stride + (pixels % columns + 1) * side
+    near = start[:, None] + window
+    around = np.sort(labels.ravel()[near], 1)
+    counts = 1 + (around[:, 1:] != around[:, :-1]).sum(1)
+    several = np.flatnonzero(counts > 2)
+    seen = colors.take(near[several], 0)
+    high = seen.max(1)
+    counts[several[(high - seen.min(1)).max(1) < least * high.max(1)]] = 1
+    return counts
 
 
 def fine_positions(pixels: np.ndarray, columns: int, side: int, first_row: int) -> tuple[np.ndarray, np.ndarray]:
@@ -99,7 +106,9 @@ def fine_positions(pixels: np.ndarray, columns: int, side: int, first_row: int) 
     return x, y
 
 
-def fine_pairs(labels: np.ndarray, x: np.ndarray, y: np.ndarray, pixels: np.ndarray, first: int) -> Pairs:
+def fine_pairs(
+    labels: np.ndarray, colors: np.ndarray, x: np.ndarray, y: np.ndarray, pixels: np.ndarray, first: int
+) -> Pairs:
     """The pairs of pixels with `fine_positions`, whose samples are numbered from `first` on."""
     side = labels.shape[1] - 2
     parts = []
@@ -111,9 +120,10 @@ def fine_pairs(labels: np.ndarray, x: np.ndarray, y: np.ndarray, pixels: np.ndar
         pixel = np.stack([np.where(k > 0, pixels[n], -1), np.where(k < side, pixels[n], -1)], 1)
         j, i = (k, line + 1) if vertical else (line + 1, k)
         at = (n * (side + 2) + j) * (side + 2) + i
-        sample = first + at[:, None] + np.array([0, side + 2 if vertical else 1])
-        x_a, y_a = x.ravel()[at], y.ravel()[at]
-        parts.append(Pairs(x_a, y_a, np.full(len(n), vertical), np.full(len(n), 1 / side), sample, pixel, alone))
+        sample = at[:, None] + np.array([0, side + 2 if vertical else 1])
+        x_a, y_a, length, label = x.ravel()[at], y.ravel()[at], np.full(len(n), 1 / side), labels.ravel()[sample]
+        color = colors.take(sample, 0)
+        parts.append(Pairs(x_a, y_a, np.full(len(n), vertical), length, first + sample, label, color, pixel, alone))
     return joined(parts)
 
 
@@ -211,14 +221,9 @@ def positions(pairs: Pairs, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def deposit(image: np.ndarray, pixel: np.ndarray, value: np.ndarray) -> None:
-    """Add values, shape (..., channels), to pixels, (...), of an image, (pixels, channels), in a fixed order.
-
-    Pixel -1 takes none.
-    """
-    pixel, value = pixel.ravel(), value.reshape(-1, image.shape[1])
-    order = np.argsort(pixel, kind="stable")
-    order = order[np.searchsorted(pixel, 0, sorter=order) :]
-    if len(order):
-        pixel = pixel[order]
-        first = np.flatnonzero(np.diff(pixel, prepend=-1))
-        image[pixel[first]] += np.add.reduceat(value[order], first, axis=0)
+    """Add values, shape (..., channels), to pixels, (...), of an image, (pixels, channels), in order; pixel -1 takes none."""
+    channels = image.shape[1]
+    kept = np.flatnonzero(pixel >= 0)
+    index = pixel.take(kept)[:, None] * channels + np.arange(channels)
+    values = value.reshape(-1, channels).take(kept, 0).astype(image.dtype, copy=False)
+    np.add.at(image.reshape(-1), index.ravel(), values.ravel())

@@ -29,8 +29,10 @@ def samples(shape: Shape, parameters: dict, size: Array, limits: Limits, x: Arra
 @dr.freeze(state_fn=None, warn_after=1 << 30)
 def crossings(
     shape: Shape, parameters: dict, size: Array, limits: Limits, segment: Segment, gap: Array
-) -> tuple[Crossing, Array, Array, Array, Array]:
-    """Where edges cross segments between samples of different labels; radiance right before them, its label, and right behind.
+) -> tuple[Crossing, Array, Array, Array]:
+    """Where edges cross segments between samples of different labels.
+
+    With it go radiance right before the edge less that right behind it, and the labels there.
 
     Args:
         gap: how far, in pixels, before and behind.
@@ -49,7 +51,7 @@ def crossings(
     color, label = dr.zeros(type(scene.background), width), dr.zeros(ad.UInt32, width)
     state: Any = dr.zeros(ad.Int, width), (color, color + 0), (label, label + 0)
     _, colors, labels = dr.while_loop(state, lambda k, *_: k < 2, look, mode="symbolic", label="sides")
-    return found, colors[0], labels[0], colors[1], labels[1]
+    return found, colors[0] - colors[1], *labels
 
 
 def _each_node(stretch: Stretch, state: tuple, visit: Callable, derivative: bool = True) -> tuple:
