@@ -61,7 +61,7 @@ from .scene import Shape
 from .trace import Limits
 
 TERMS = ("both", "interior", "boundary")
-CONTRAST = 1 / 16
+CONTRAST = 1 / 32
 # Searches for edges in what is left of a segment
 ROUNDS = 3
 # Most lanes of one call of a kernel: those of derivatives keep all parameters' derivatives for each lane

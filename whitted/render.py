@@ -185,7 +185,7 @@ class _BoundaryJob(_Job):
 
     def _correct(self, first: int, rows: int) -> Array:
         band = Band(self.scene.shape, self.parameters, self.limits, self.resolution, first, rows, self.side)
-        pixels, correction = correct(band)
+        pixels, correction = correct(band, self.corrections is not None)
         if self.corrections is not None:
             self.corrections[first] = correction
         return pixels
