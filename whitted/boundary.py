@@ -63,7 +63,7 @@ from .trace import Limits
 TERMS = ("both", "interior", "boundary")
 CONTRAST = 1 / 32
 # Searches for edges in what is left of a segment
-ROUNDS = 3
+ROUNDS = 6
 # Most lanes of one call of a kernel: those of derivatives keep all parameters' derivatives for each lane
 SAMPLES = 1 << 20
 LANES = 1 << 17
@@ -244,9 +244,7 @@ def _edge(numbers: dict[str, np.ndarray]) -> Edge:
 
 def _numbers(edge: Edge, which: np.ndarray) -> dict[str, np.ndarray]:
     """Some of the edges, by the fields of their paths and events."""
-    numbers = {name: value.numpy() for part in (edge.path, edge.event) for name, value in vars(part).items()}
-    # What is the same in all lanes has width 1
-    return {name: value[which if len(value) > 1 else np.zeros_like(which)] for name, value in numbers.items()}
+    return {name: value.numpy()[which] for part in (edge.path, edge.event) for name, value in vars(part).items()}
 
 
 def correct(band: Band, keep: bool) -> tuple[Array, Correction]:

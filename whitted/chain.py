@@ -91,7 +91,7 @@ def first_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> tuple[Path
         other = Ray(ob, db, ray.source, ray.inward)
         at, to = surface(scene, ray, closest_hit(scene, ray)), surface(scene, other, closest_hit(scene, other))
         left, right = children(scene, ray, at, wa, depth, limits), children(scene, other, to, wb, depth, limits)
-        decided = [decide(scene, x, [branch.active for branch in y]) for x, y in ((at, left), (to, right))]
+        decided = [decide(scene, w, x, [z.active for z in y]) for w, x, y in ((ray, at, left), (other, to, right))]
         differ = (mix(uint(0), decided[0]) != mix(uint(0), decided[1])) & (dr.abs(wa) >= limits.faint)
         paths = []
         for k, (x, y) in enumerate(zip(left, right, strict=True)):

@@ -83,7 +83,7 @@ def _bisect(scene: Scene, ray_at: Callable[[Array], Ray], path: Path, a: Arrival
     def label(arrival: Arrival) -> Array:
         at = surface(scene, arrival.ray, closest_hit(scene, arrival.ray))
         branches = children(scene, arrival.ray, at, arrival.weight, path.bounces + 1, limits)
-        return mix(type(at.hit.index)(0), decide(scene, at, [branch.active for branch in branches]))
+        return mix(type(at.hit.index)(0), decide(scene, arrival.ray, at, [branch.active for branch in branches]))
 
     own = label(a)
 

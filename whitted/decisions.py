@@ -8,10 +8,13 @@ from dataclasses import dataclass
 
 import drjit as dr
 
-from .geometry import Array
-from .scene import Scene
-from .shading import incident
-from .surface import Surface, any_of, checkers, on_plane
+from .geometry import Array, Ray
+from .scene import PointLight, Scene
+from .shading import blinn_phong, incident
+from .surface import Surface, any_of, checkers, lookup, on_plane
+
+# A highlight below this part of its light has no edge where it ends
+GLINT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -19,13 +22,13 @@ class Decisions:
     index: Array  # UInt32: the primitive that was hit, or NONE
     inside: Array  # Bool: from within
     cell: tuple[Array, ...]  # Int: column and row of the checkerboard, nothing in a scene without one
-    lights: tuple[Array, ...]  # Bool for each light: it is decisive for what the surface sends back
+    lights: tuple[Array, ...]  # Bool for each light: something keeps it away
     children: tuple[Array, ...]  # Bool for each child: it is traced
 
 
-def decide(scene: Scene, at: Surface, children: list[Array]) -> Decisions:
-    """The decisions at a node; its children are given as whether they are traced."""
-    lights = tuple(_decisive(scene, at, light) for light in scene.lights)
+def decide(scene: Scene, ray: Ray, at: Surface, children: list[Array]) -> Decisions:
+    """The decisions at a node, at which a ray arrives; its children are given as whether they are traced."""
+    lights = tuple(_darkens(scene, ray, at, light) for light in scene.lights)
     return Decisions(at.hit.index, at.hit.inside, _cell(scene, at), lights, tuple(children))
 
 
@@ -42,13 +45,17 @@ def _cell(scene: Scene, at: Surface) -> tuple[Array, ...]:
     return column, row
 
 
-def _decisive(scene: Scene, at: Surface, light) -> Array:
-    """What of a light the radiance jumps with: a shadow, and on specular surfaces the terminator too."""
+def _darkens(scene: Scene, ray: Ray, at: Surface, light: PointLight) -> Array:
+    """Whether something keeps a light away from a surface: a shadow, or the terminator where a highlight ends there."""
     seen = incident(scene, at, light)
     faces = at.hits & (seen.cosine > 0)
-    glossy = any_of(scene, at, lambda m: scene.may(m, "specular"))
-    matte = any_of(scene, at, lambda m: scene.may(m, "color") or m.checker is not None)
-    return dr.select(glossy, faces & ~seen.blocked, matte & faces & seen.blocked)
+    shown = any_of(scene, at, lambda m: scene.may(m, "color") or scene.may(m, "specular") or m.checker is not None)
+    dark = shown & faces & seen.blocked
+    if any(scene.may(material, "specular") for material in scene.used):
+        specular = lookup(scene, at, "specular", lambda m: scene.may(m, "specular"))
+        shininess = lookup(scene, at, "shininess", lambda m: scene.may(m, "specular"))
+        dark |= at.hits & ~faces & (specular * blinn_phong(ray.d, at.n, seen.direction, shininess) > GLINT)
+    return dark
 
 
 def mix(label: Array, decisions: Decisions) -> Array:

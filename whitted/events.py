@@ -78,7 +78,7 @@ def classify(scene: Scene, a: Arrival, b: Arrival, depth: Array, limits: Limits)
     """The event between two rays that arrive at one node, and there decide differently."""
     at, to = (surface(scene, x.ray, closest_hit(scene, x.ray)) for x in (a, b))
     left, right = children(scene, a.ray, at, a.weight, depth, limits), children(scene, b.ray, to, b.weight, depth, limits)
-    here, there = decide(scene, at, [x.active for x in left]), decide(scene, to, [x.active for x in right])
+    here, there = decide(scene, a.ray, at, [x.active for x in left]), decide(scene, b.ray, to, [x.active for x in right])
     uint, real = type(here.index), type(a.weight)
     event = Event(uint(NOTHING), here.index, here.inside, uint(NONE), uint(0), real(0))
 

@@ -51,14 +51,18 @@ def crossings(
     color, label = dr.zeros(type(scene.background), width), dr.zeros(ad.UInt32, width)
     state: Any = dr.zeros(ad.Int, width), (color, color + 0), (label, label + 0)
     _, colors, labels = dr.while_loop(state, lambda k, *_: k < 2, look, mode="symbolic", label="sides")
+    # A constant would keep the number of lanes of the call that was recorded
+    for part in (found.edge.path, found.edge.event):
+        for name, value in vars(part).items():
+            setattr(part, name, dr.select(segment.length > 0, value, type(value)(77)))
     return found, colors[0] - colors[1], *labels
 
 
-def _each_node(stretch: Stretch, state: tuple, visit: Callable, derivative: bool = True) -> tuple:
+def _each_node(stretch: Stretch, state: tuple, visit: Callable) -> tuple:
     """Visit all nodes of stretches in turn: visit(x, y, weight_a, weight_b, *state) -> state."""
 
     def step(k, *state):
-        return k + 1, *visit(*node(stretch, k, derivative), *state)
+        return k + 1, *visit(*node(stretch, k), *state)
 
     first = dr.zeros(ad.Int, dr.width(stretch.x))
     return dr.while_loop((first, *state), lambda k, *_: k < NODES, step, mode="symbolic", label="nodes")[1:]
@@ -74,7 +78,7 @@ def stretches(shape: Shape, parameters: dict, size: Array, limits: Limits, stret
         return dr.fma(color, weight_a, a), dr.fma(color, weight_b, b)
 
     dark = dr.zeros(type(scene.background), dr.width(stretch.x))
-    return _each_node(stretch, (dark, dark + 0), visit, derivative=False)
+    return _each_node(stretch, (dark, dark + 0), visit)
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)

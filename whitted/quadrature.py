@@ -1,10 +1,10 @@
 """Samples that integrate radiance between two neighbours with an edge in between, in place of the two.
 
-On one side of a silhouette, where the sphere is, radiance is a + b sqrt(distance) + ..., because so is the normal, and its
-derivative a / sqrt(distance) + b + ...; the same holds where refraction ends in total reflection. There one sample, well
-placed, integrates the first two terms exactly: between the distances u^2 and v^2 from the edge, of the weight
-v^2 - u^2, it lies at the square of 2/3 (v^3 - u^3) / (v^2 - u^2) for radiance, and of (u + v) / 2 for the derivative. On the
-other side it lies in the middle. The border between the cells of the two neighbours cuts one of the sides in two.
+On one side of a silhouette, where the sphere is, radiance is a + b sqrt(distance) + c distance + ..., because so is the
+normal, and its derivative a / sqrt(distance) + b + ...; the same holds where refraction ends in total reflection. There
+two of Gauss's points in sqrt(distance) integrate radiance up to the term in distance, and its derivative as far. On the
+other side there is one sample, in the middle. The border between the two neighbours' cells cuts one of the sides; the
+part between it and the edge has a sample of its own.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ import drjit as dr
 
 from .geometry import Array
 
-NODES = 3
+NODES = 4
 
 
 @dataclass
@@ -35,28 +35,27 @@ class Stretch:
     weight_b: Array
 
 
-def node(stretch: Stretch, k: Array, derivative: bool) -> tuple[Array, Array, Array, Array]:
+def node(stretch: Stretch, k: Array) -> tuple[Array, Array, Array, Array]:
     """The k-th sample: its image position, and its weights in the pixels of a and of b.
 
-    Number 0 lies between the edge and the cells' border, 1 before and 2 behind both.
-
-    Args:
-        derivative: the samples are for the derivative of radiance, not for radiance.
+    Number 0 lies between the edge and the cells' border, 1 and 2 beyond both on the side of the square root, 3 on the other.
     """
     c, half = stretch.edge, stretch.length / 2
     border = dr.fmin(dr.fmax(half, stretch.start), stretch.stop)
-    near = dr.abs(c - border)
-    behind = dr.select(k == 0, c < border, k == 2)
+    near, cut = dr.abs(c - border), c < border
+    behind = dr.select(k == 0, cut, stretch.rooted ^ (k == 3))
     end = dr.abs(dr.select(behind, stretch.stop, stretch.start) - c)
-    low = dr.select((k != 0) & (behind == (c < border)), near, 0)
+    low = dr.select((k != 0) & (behind == cut), near, 0)
     high = dr.fmax(dr.select(k == 0, near, end), low)
-    weight, middle = high - low, (high + low) / 2
+
+    # Distance from the edge, and weight
     u, v = dr.sqrt(low), dr.sqrt(high)
-    if derivative:
-        root = (u + v) / 2
-    else:
-        root = (u * u + u * v + v * v) / dr.select(v > 0, u + v, 1) * (2 / 3)
+    gauss = (k == 1) | (k == 2)
+    root = (u + v) / 2 + dr.select(gauss, dr.select(k == 1, -0.5, 0.5) * 3**-0.5, 0) * (v - u)
+    middle = (low + high) / 2
     distance = dr.select(behind == stretch.rooted, root * root, middle)
+    weight = dr.select(gauss, (v - u) * root, high - low)
+
     sign = dr.select(behind, 1, -1)
     along, in_b = c + sign * distance, c + sign * middle > half
     x, y = stretch.x + dr.select(stretch.vertical, 0, along), stretch.y + dr.select(stretch.vertical, along, 0)

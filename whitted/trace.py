@@ -122,13 +122,13 @@ def labelled_radiance(scene: Scene, ray: Ray, limits: Limits) -> tuple[Array, Ar
 def _walk(scene: Scene, ray: Ray, limits: Limits, label: tuple) -> tuple[Array, tuple]:
     """Radiance, and the label, if there is one, with all nodes' decisions mixed in."""
 
-    def look(at, weight, active, label):
+    def look(ray, at, weight, active, label):
         counts = dr.abs(weight) >= limits.faint
-        return tuple(dr.select(counts, mix(part, decide(scene, at, active)), part) for part in label)
+        return tuple(dr.select(counts, mix(part, decide(scene, ray, at, active)), part) for part in label)
 
     if not reflects(scene):
         at = surface(scene, ray, closest_hit(scene, ray))
-        return emitted(scene, ray, at), look(at, dr.ones(type(at.hit.t)), [], label)
+        return emitted(scene, ray, at), look(ray, at, dr.ones(type(at.hit.t)), [], label)
 
     def node(path, result, label, stack, active):
         o, d, weight, links = path
@@ -137,7 +137,7 @@ def _walk(scene: Scene, ray: Ray, limits: Limits, label: tuple) -> tuple[Array, 
         result = dr.fma(weight, emitted(scene, ray, at), result)
         branches = children(scene, ray, at, weight, depth, limits)
         traced = [branch.active for branch in branches]
-        label = look(at, weight, traced, label)
+        label = look(ray, at, weight, traced, label)
         paths = [(at.p, b.direction, weight * b.weight, pack(at.hit.index, b.inward, depth + 1)) for b in branches]
         stack, active, path = go_on(stack, traced, paths)
         return path, result, label, stack, active
