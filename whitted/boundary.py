@@ -381,7 +381,8 @@ def _find(band: Band, pairs: Pairs) -> tuple[Crossings, dict[str, np.ndarray]]:
         length = np.concatenate([(along - gap - start)[left], (stop - along - gap)[right]])
         start = np.concatenate([start[left], (along + gap)[right]])
         pair, labels = np.concatenate([pair[left], pair[right]]), np.concatenate(ends)
-        if not len(pair):
+        # With a single sample a pixel, the last few are not worth a call
+        if len(pair) <= (len(pairs) // 50 if band.side == 1 else 0):
             break
     table = {name: np.concatenate([group[name] for group in groups]) for name in groups[0]}
     # By pair, then by distance, which is less than a pixel

@@ -5,7 +5,7 @@ are numbered row by row; image positions and lengths are in pixels.
 """
 
 from dataclasses import dataclass, fields, is_dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -49,29 +49,31 @@ class Pairs:
 
 def dense_pairs(labels: np.ndarray, colors: np.ndarray, side: int, first_row: int) -> Pairs:
     """The pairs of a band with a margin of one pixel, whose labels lie row by row of samples; samples are numbered so."""
-    stride = labels.shape[1]
+    pixels, xs, ys = _grid(labels.shape, side)
     parts = []
-    for vertical, step in ((False, 1), (True, stride)):
+    for vertical, step in ((False, 1), (True, labels.shape[1])):
         flips = labels.ravel()[step:] != labels.ravel()[:-step]
         a = np.flatnonzero(flips)
-        sample = a[:, None] + np.array([0, step])
-        pixel = _pixel(sample, side, labels.shape)
+        pixel = np.stack([pixels.take(a), pixels.take(a + step)], 1)
         # Not those in the margin, among which are those from the end of a row to the next one's start
-        kept = (pixel >= 0).any(1)
-        a, sample, pixel = a[kept], sample[kept], pixel[kept]
-        j, i = np.divmod(a, stride)
+        kept = np.flatnonzero(pixel.max(1) >= 0)
+        a, pixel = a.take(kept), pixel.take(kept, 0)
+        sample = np.stack([a, a + step], 1)
         alone = ~np.stack([flips.take(a - step, mode="clip"), flips.take(a + step, mode="clip")], 1)
-        x, y = (i + 0.5) / side - 1, (j + 0.5) / side - 1 + first_row
-        length, label = np.full(len(a), 1 / side), labels.ravel()[sample]
+        length, label = np.full(len(a), 1 / side), labels.ravel().take(sample)
+        x, y = xs.take(a), ys.take(a) + first_row
         parts.append(Pairs(x, y, np.full(len(a), vertical), length, sample, label, colors.take(sample, 0), pixel, alone))
     return joined(parts)
 
 
-def _pixel(sample: np.ndarray, side: int, shape: tuple[int, ...]) -> np.ndarray:
-    """The pixels of samples of a band with a margin, -1 in the margin."""
+@lru_cache(maxsize=2)
+def _grid(shape: tuple[int, int], side: int) -> tuple[np.ndarray, ...]:
+    """For each sample of a band with a margin its pixel, -1 in the margin, and its position."""
     rows, columns = shape[0] // side - 2, shape[1] // side - 2
-    y, x = sample // (shape[1] * side) - 1, sample % shape[1] // side - 1
-    return np.where((x >= 0) & (y >= 0) & (x < columns) & (y < rows), y * columns + x, -1)
+    j, i = np.divmod(np.arange(shape[0] * shape[1]), shape[1])
+    x, y = i // side - 1, j // side - 1
+    pixel = np.where((x >= 0) & (y >= 0) & (x < columns) & (y < rows), y * columns + x, -1)
+    return pixel.astype(np.int32), (i + 0.5) / side - 1, (j + 0.5) / side - 1
 
 
 def contrasting(pairs: Pairs, least: float) -> Pairs:
