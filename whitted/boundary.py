@@ -17,21 +17,23 @@ The method, on the regular grid of samples with spacing h:
 2. Walk both trees at once to the first node that decides differently, tell the event there and find the root of its
    level function phi along the segment (`crossing.py`). Where the labels beside the root are not those of the
    samples, more edges are in the segment, and the search goes on in what is left of it.
-3. Between the two samples f is integrated anew, with Gauss's points in the square root of the distance to the edge on
-   either side, because near a silhouette f is a + b sqrt(distance) + ... and its derivative infinite (`edges.py`).
-   These samples are differentiated like any others, so that the interior term is as accurate as the pixels.
+3. The part of the segment's line that lies behind the crossing goes from one sample to the other: (c - middle) (f- - f+) h.
+   Beside silhouettes, where f is a + b sqrt(distance) + ... and its derivative infinite, and likewise at the onset of
+   total reflection, other samples take the place of the two (`quadrature.py`). They are differentiated like any others.
 4. Where a parameter moves, the crossing at c moves by -phi_theta / phi_c. The segment's line stands for a strip of width
    h, in which the edge is taken to be straight, and its area changes by h times that, of which each pixel gets the part
    of the edge that lies in it. phi_theta is the derivative along one chain of rays, in forward or in reverse mode.
 5. Horizontal segments see an edge well that is steep, vertical ones one that is flat. Both sums are correct for
    edges that they see, and are joined with weights g_x^4 / (g_x^4 + g_y^4) and g_y^4 / (g_x^4 + g_y^4), g the gradient of phi
    in the image, which also keep each term bounded: g_x^3 / (g_x^4 + g_y^4) <= 1.14 / |g|.
-6. A pixel with three labels or more around it has edges that meet or crowd. It is sampled anew, REFINEMENT times as
+6. A pixel with three labels or more around it has edges that meet or crowd. It is sampled anew, two or four times as
    finely, with the same method (adaptive subdivision: Whitted 1980).
 
-What it leaves to the samples: edges of nodes that weigh less than `trace.FAINT`; edges between two samples of the same
-label, of an object or a gap that no sample sees (more samples see it); a fourth edge and more between two neighbours of
-the finer grid.
+Its cost follows the number of edges: two trees and some chains of rays for each, and two to six trees more.
+
+What it leaves to the samples, less of it the more samples a pixel has: edges of nodes that weigh less than FAINT / spp in
+the pixel (`render.py`), and where neighbours differ by less than CONTRAST / spp; edges of an object or a gap that lies
+between two samples of the same label; checkerboards finer than a third of the finer grid's spacing.
 
 Sources: Reynolds transport and edge sampling, T.-M. Li et al., "Differentiable Monte Carlo Ray Tracing through Edge
 Sampling" (2018); discontinuities of programs, S. Bangaru et al., "Systematically Differentiating Parametric
@@ -40,211 +42,36 @@ between samples, the closest to this, Y. Belhe et al. (2025); adaptive subdivisi
 Illumination Model for Shaded Display" (1980).
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import replace
 
-import drjit as dr
 import numpy as np
 from drjit.llvm import ad
 
 from . import probe, wavefront
-from .chain import Path
+from .correction import Correction, Finer, Moving, Stretches, add, numbers_of
 from .crossing import Segment
-from .derivative import Edge
-from .edges import Crossings, Pairs, contrasting, dense_pairs, deposit, fine_pairs, fine_positions
-from .edges import joined, label_counts, positions, take
-from .events import NOTHING, SILHOUETTE, TOTAL, Event
-from .film import Film, band
+from .edges import (
+    Crossings,
+    Pairs,
+    contrasting,
+    dense_pairs,
+    deposit,
+    fine_pairs,
+    fine_positions,
+    joined,
+    label_counts,
+    positions,
+    take,
+)
+from .events import NOTHING, SILHOUETTE, TOTAL
 from .geometry import Array
 from .quadrature import Stretch
-from .scene import Shape
-from .trace import Limits
+from .region import LANES, SAMPLES, Band, chunks, columns, number
 
-TERMS = ("both", "interior", "boundary")
+# Edges between samples that differ less, relative to the brighter one and for one sample a pixel, are left to the samples
 CONTRAST = 1 / 32
 # Searches for edges in what is left of a segment
 ROUNDS = 6
-# Most lanes of one call of a kernel: those of derivatives keep all parameters' derivatives for each lane
-SAMPLES = 1 << 20
-LANES = 1 << 17
-PACKET = 16
-
-
-@dataclass(frozen=True)
-class Band:
-    """Some rows of an image."""
-
-    shape: Shape
-    parameters: dict[str, Array]
-    limits: Limits
-    resolution: tuple[int, int]  # of the whole image
-    first_row: int
-    rows: int
-    side: int  # samples along a pixel's side
-
-    @property
-    def real(self) -> type:
-        return type(self.shape.scene.camera.fov)
-
-    @property
-    def contrast(self) -> float:
-        """Edges between samples that differ less, relative to the brighter one, are left to the samples."""
-        return CONTRAST / self.side**2
-
-    def film(self, margin: int) -> Film:
-        return band(self.resolution, self.first_row, self.rows, self.side, self.real, margin)
-
-    @property
-    def inputs(self) -> tuple:
-        """What all kernels of `probe` take first."""
-        return self.shape, self.parameters, self.film(0).size, self.limits
-
-    def lanes(self, *arrays: np.ndarray) -> list[Array]:
-        """Dr.Jit arrays of whole packets."""
-        return [lanes(array if array.dtype == bool else array.astype(number(self.real), copy=False)) for array in arrays]
-
-    def color(self, array: np.ndarray) -> Array:
-        return type(self.shape.scene.background)(*self.lanes(*array.T))
-
-
-def number(real: type) -> type:
-    """NumPy's type for a Dr.Jit type of numbers."""
-    return np.float32 if real is ad.Float else np.float64
-
-
-KINDS = {np.dtype(kind): name for kind, name in zip((bool, "f4", "f8", "u4", "u8"), ("Bool", "Float", "Float64", "UInt", "UInt64"), strict=True)}
-
-
-def lanes(array: np.ndarray) -> Array:
-    """A Dr.Jit array of whole packets, as kernels want more than one lane; zeros fill the last one up."""
-    return aligned(array, -(-len(array) // PACKET) * PACKET)
-
-
-def aligned(array: np.ndarray, length: int) -> Array:
-    """A Dr.Jit array in Dr.Jit's memory, as one in NumPy's, of another alignment, would get a kernel of its own."""
-    result = dr.empty(getattr(ad, KINDS[array.dtype]), length)
-    memory = result.numpy()
-    memory[: len(array)], memory[len(array) :] = array, 0
-    return result
-
-
-def columns(value: Array, n: int) -> np.ndarray:
-    """The first n elements of a vector array's components, shape (n, components)."""
-    return np.stack([component.numpy()[:n] for component in value], 1)
-
-
-def chunks(n: int, size: int) -> Iterator[slice]:
-    for first in range(0, n, size):
-        yield slice(first, min(first + size, n))
-
-
-@dataclass(frozen=True)
-class Samples:
-    """Finer samples, each of one pixel."""
-
-    x: np.ndarray
-    y: np.ndarray
-    pixel: np.ndarray
-    weight: np.ndarray
-
-
-@dataclass(frozen=True)
-class Stretches:
-    """Samples beside singular edges, by the fields of `quadrature.Stretch`."""
-
-    numbers: dict[str, np.ndarray]
-    pixel: np.ndarray  # (N, 2)
-
-
-@dataclass(frozen=True)
-class Moving:
-    """Points on edges, each with what it changes in two pixels when the level function there grows."""
-
-    x: np.ndarray
-    y: np.ndarray
-    pixel: np.ndarray  # (N, 2)
-    change: np.ndarray  # (N, 2, 3)
-    edge: dict[str, np.ndarray]
-
-
-@dataclass
-class Correction:
-    """What makes a band's pixels those of its regular samples and edges, and not of the samples alone."""
-
-    band: Band
-    weights: np.ndarray  # what the band's regular samples still count for, row by row of samples
-    samples: list[Samples] = field(default_factory=list)
-    stretches: list[Stretches] = field(default_factory=list)
-    edges: list[Moving] = field(default_factory=list)
-
-    def sample_weights(self) -> Array | None:
-        """The regular samples' weights, if there are several in a pixel."""
-        return aligned(self.weights, len(self.weights)) if self.band.side > 1 else None
-
-    def weigh_pixels(self, image: np.ndarray) -> None:
-        """Multiply pixels by the weights of their only samples."""
-        if self.band.side == 1:
-            changed = np.flatnonzero(self.weights != 1)
-            image[changed] *= self.weights[changed, None]
-
-    def tangent(self, wrt: dict, tangents: dict, terms: str) -> Array:
-        """The pixels' derivative along the tangents of the parameters `wrt`."""
-        band = self.band
-        image = np.zeros((band.rows * band.resolution[0], 3), number(band.real))
-        if terms != "boundary":
-            inputs = band.shape, band.parameters, band.film(0), band.limits, wrt, tangents
-            image[:] = wavefront.image_jvp(*inputs, self.sample_weights()).numpy().reshape(-1, 3)
-            self.weigh_pixels(image)
-            for samples in self.samples:
-                slope = probe.samples_jvp(*band.inputs, wrt, tangents, *band.lanes(samples.x, samples.y))
-                deposit(image, samples.pixel, columns(slope, len(samples.x)) * samples.weight[:, None])
-            for stretches in self.stretches:
-                stretch = Stretch(*band.lanes(*stretches.numbers.values()))
-                _add(image, stretches.pixel, probe.stretches_jvp(*band.inputs, wrt, tangents, stretch))
-        if terms != "interior":
-            for edges in self.edges:
-                x, y = band.lanes(edges.x, edges.y)
-                slope = probe.levels_jvp(*band.inputs, wrt, tangents, x, y, _edge(edges.edge)).numpy()[: len(edges.x)]
-                deposit(image, edges.pixel, edges.change * slope[:, None, None])
-        return aligned(image.ravel(), image.size)
-
-    def adjoint(self, wrt: dict, image: Array, terms: str) -> dict:
-        """The derivatives of dot(image, pixels) by the parameters `wrt`."""
-        band, parts = self.band, []
-        seeds = image.numpy().reshape(-1, 3)
-        if terms != "boundary":
-            plain = aligned(seeds.ravel(), seeds.size)
-            self.weigh_pixels(plain.numpy().reshape(-1, 3))
-            inputs = band.shape, band.parameters, band.film(0), band.limits, wrt, plain
-            parts.append(wavefront.image_vjp(*inputs, self.sample_weights()))
-            for samples in self.samples:
-                seed = band.color(seeds[samples.pixel] * samples.weight[:, None])
-                parts.append(probe.samples_vjp(*band.inputs, wrt, seed, *band.lanes(samples.x, samples.y)))
-            for stretches in self.stretches:
-                stretch = Stretch(*band.lanes(*stretches.numbers.values()))
-                both = (band.color(seeds[stretches.pixel[:, k]]) for k in (0, 1))
-                parts.append(probe.stretches_vjp(*band.inputs, wrt, stretch, *both))
-        if terms != "interior":
-            for edges in self.edges:
-                seed = (seeds[edges.pixel] * edges.change).sum((1, 2))
-                parts.append(probe.levels_vjp(*band.inputs, wrt, *band.lanes(seed, edges.x, edges.y), _edge(edges.edge)))
-        return {name: sum((part[name] for part in parts), start=dr.zeros(type(value))) for name, value in wrt.items()}
-
-
-def _add(image: np.ndarray, pixel: np.ndarray, both: tuple[Array, Array]) -> None:
-    """Add to the pixels of a and of b."""
-    deposit(image, pixel, np.stack([columns(value, len(pixel)) for value in both], 1))
-
-
-def _edge(numbers: dict[str, np.ndarray]) -> Edge:
-    """The Dr.Jit arrays of `_numbers`."""
-    arrays = {name: lanes(value) for name, value in numbers.items()}
-    return Edge(*(kind(*(arrays[f.name] for f in fields(kind))) for kind in (Path, Event)))
-
-
-def _numbers(edge: Edge, which: np.ndarray) -> dict[str, np.ndarray]:
-    """Some of the edges, by the fields of their paths and events."""
-    return {name: value.numpy()[which] for part in (edge.path, edge.event) for name, value in vars(part).items()}
 
 
 def correct(band: Band, keep: bool) -> tuple[Array, Correction]:
@@ -260,13 +87,14 @@ class _Search:
 
     def __init__(self, band: Band, keep: bool) -> None:
         self.band, self.keep = band, keep
+        self.contrast = CONTRAST / band.side**2
         film = band.film(1)
         self.flat, colors, labels = wavefront.labelled_image(band.shape, band.parameters, film, band.limits)
         self.image = self.flat.numpy().reshape(-1, 3)
         self.grid = labels.numpy().reshape((band.rows + 2) * band.side, -1)
         self.colors = colors.numpy().reshape(-1, 3)
         self.count, self.weights = self.grid.size, np.ones((0, 1))
-        self.fine: list[tuple] = []
+        self.finer: list[tuple[int, np.ndarray, int]] = []
         self.result = Correction(band, np.empty(0))
 
     def run(self) -> tuple[Array, Correction]:
@@ -275,7 +103,7 @@ class _Search:
         touched = np.zeros(len(image) + 1, bool)
         touched[pairs.pixel] = True
         busy = np.flatnonzero(touched[:-1])
-        counts = label_counts(self.grid, self.colors, band.side, busy, band.contrast)
+        counts = label_counts(self.grid, self.colors, band.side, busy, self.contrast)
         # With a single sample a pixel, three labels are often one edge that ends at another
         meets, crowds = (busy[counts == 3], busy[counts > 3]) if band.side == 1 else (busy[:0], busy[counts > 2])
         busy = np.concatenate([meets, crowds])
@@ -285,11 +113,12 @@ class _Search:
         touched[busy] = True
         pixel = np.where(touched[pairs.pixel], -1, pairs.pixel)
         pairs = take(replace(pairs, pixel=pixel), np.flatnonzero((pixel >= 0).any(1)))
-        groups = [contrasting(pairs, band.contrast)]
+        groups = [contrasting(pairs, self.contrast)]
         if len(meets):
-            groups.append(contrasting(self.refine(meets, 2 * band.side), band.contrast))
-        for part in chunks(len(crowds), max(1, SAMPLES // (4 * band.side + 2) ** 2)):
-            groups.append(self.refine(crowds[part], 4 * band.side))
+            groups.append(contrasting(self.refine(meets, 2), self.contrast))
+        fine = band.side * (4 if band.side <= 4 else 2)
+        for part in chunks(len(crowds), max(1, SAMPLES // (fine + 2) ** 2)):
+            groups.append(self.refine(crowds[part], fine))
         pairs = joined(groups)
         if self.keep:
             self.weights = np.ones((self.count, 1), number(band.real))
@@ -308,11 +137,10 @@ class _Search:
         regular = np.ascontiguousarray(regular)
         regular.reshape(band.rows, side, columns, side).transpose(0, 2, 1, 3)[busy // columns, busy % columns] = 0
         self.result.weights = regular.ravel()
-        for first, x, y, own in self.fine:
-            weight = self.weights[first : first + x.size].reshape(x.shape)[:, 1:-1, 1:-1] / (x.shape[1] - 2) ** 2
-            x, y = x[:, 1:-1, 1:-1].ravel(), y[:, 1:-1, 1:-1].ravel()
-            for part in chunks(len(x), LANES):
-                self.result.samples.append(Samples(x[part], y[part], own[part], weight.ravel()[part]))
+        for first, pixels, side in self.finer:
+            shape = len(pixels), side + 2, side + 2
+            weights = self.weights[first : first + len(pixels) * (side + 2) ** 2].reshape(shape)
+            self.result.finer.append(Finer(pixels, side, weights[:, 1:-1, 1:-1] / side**2))
 
     def refine(self, pixels: np.ndarray, side: int) -> Pairs:
         """Sample pixels anew, more finely."""
@@ -322,7 +150,7 @@ class _Search:
         colors = columns(color, x.size)
         self.image[pixels] = colors.reshape(*x.shape, 3)[:, 1:-1, 1:-1].mean((1, 2))
         first, self.count = self.count, self.count + x.size
-        self.fine.append((first, x, y, np.repeat(pixels, side**2)))
+        self.finer.append((first, pixels, side))
         labels = label.numpy()[: x.size].reshape(x.shape)
         return fine_pairs(labels, colors, x, y, pixels, first)
 
@@ -341,7 +169,7 @@ class _Search:
             stretched = np.flatnonzero(stretched)
             part = take(found, stretched)
             numbers, taken = part.stretches()
-            _add(self.image, part.pairs.pixel, probe.stretches(*band.inputs, Stretch(*band.lanes(*numbers.values()))))
+            add(self.image, part.pairs.pixel, probe.stretches(*band.inputs, Stretch(*band.lanes(*numbers.values()))))
             away = taken * part.pairs.length[:, None] ** 2
             deposit(self.image, part.pairs.pixel, -part.pairs.color * away[:, :, None])
             if self.keep:
@@ -357,7 +185,7 @@ def _find(band: Band, pairs: Pairs) -> tuple[Crossings, dict[str, np.ndarray]]:
     ulp = float(np.finfo(number(band.real)).eps) * max(band.resolution)
     gaps = np.maximum(pairs.length * (2.0**-10 if single else 1e-6), 8 * ulp)
     pair, start, length, labels = np.arange(len(pairs)), np.zeros(len(pairs)), pairs.length, pairs.label
-    groups = []
+    groups: list[dict[str, np.ndarray]] = []
     for _ in range(ROUNDS):
         n, here, gap = len(pair), pairs if not groups else take(pairs, pair), gaps[pair]
         segment = Segment(*band.lanes(*positions(here, start), here.vertical, length))
@@ -371,7 +199,7 @@ def _find(band: Band, pairs: Pairs) -> tuple[Crossings, dict[str, np.ndarray]]:
         numbers = {"pair": pair, "along": along, "slope": slope, "across": across}
         group = {name: value[kept] for name, value in numbers.items()}
         group["jump"] = columns(jump, n)[kept]
-        groups.append(group | _numbers(crossing.edge, kept))
+        groups.append(group | numbers_of(crossing.edge, kept))
 
         # What is left of the segment on either side
         stop = start + length
@@ -388,6 +216,6 @@ def _find(band: Band, pairs: Pairs) -> tuple[Crossings, dict[str, np.ndarray]]:
     # By pair, then by distance, which is less than a pixel
     order = np.argsort(table["pair"] + table["along"] / 2, kind="stable")
     table = {name: value.take(order, 0) for name, value in table.items()}
-    numbers = [table.pop(name) for name in ("pair", "along", "slope", "across", "jump")]
+    pair, along, slope, across, jump = (table.pop(name) for name in ("pair", "along", "slope", "across", "jump"))
     singular = (table["kind"] == SILHOUETTE) | (table["kind"] == TOTAL)
-    return Crossings(take(pairs, numbers[0]), *numbers, singular), table
+    return Crossings(take(pairs, pair), pair, along, slope, across, jump, singular), table

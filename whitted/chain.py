@@ -5,6 +5,7 @@ refractions, so that finding the edge and its motion costs a chain, and not the 
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
 
@@ -82,8 +83,8 @@ def first_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> tuple[Path
     Returns:
         The path to the node, the two rays that arrive at it, and whether there is such a node.
     """
-    color, uint = type(a.o), type(a.source)
-    long = dr.uint64_array_t(uint)
+    uint = type(a.source)
+    long: Any = dr.uint64_array_t(uint)
 
     def node(pair, stack, found, active):
         (oa, da, wa, links, turns), (ob, db, wb) = pair
@@ -95,20 +96,21 @@ def first_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> tuple[Path
         differ = (mix(uint(0), decided[0]) != mix(uint(0), decided[1])) & (dr.abs(wa) >= limits.faint)
         paths = []
         for k, (x, y) in enumerate(zip(left, right, strict=True)):
-            onward = turns | (long(1) << dr.minimum(long(depth - 1), REMEMBERED - 1)) if k else turns
-            one = at.p, x.direction, wa * x.weight, pack(at.hit.index, x.inward, depth + 1), onward
+            turned = turns | (long(1) << dr.minimum(long(depth - 1), REMEMBERED - 1)) if k else turns
+            one = at.p, x.direction, wa * x.weight, pack(at.hit.index, x.inward, depth + 1), turned
             paths.append((*one, to.p, y.direction, wb * y.weight))
         if not paths:
             return pair, stack, differ, dr.mask_t(active)(False)
-        stack, more, parts = go_on(stack, [branch.active & ~differ & (dr.abs(path[2]) >= limits.faint) for branch, path in zip(left, paths, strict=True)], paths)
+        # What is too faint for an edge has none below it either
+        onward = [x.active & ~differ & (dr.abs(path[2]) >= limits.faint) for x, path in zip(left, paths, strict=True)]
+        stack, more, parts = go_on(stack, onward, paths)
         more &= ~differ
-        onward = parts[:5], parts[5:]
-        return dr.select(differ, pair, onward), stack, differ, more
+        return dr.select(differ, pair, (parts[:5], parts[5:])), stack, differ, more
 
     oa, da, wa = start(a)
     ob, db, wb = start(b)
     links = pack(a.source, a.inward, dr.ones(uint, dr.width(oa)))
-    pair = (oa, da, wa, links, dr.zeros(long, dr.width(oa))), (ob, db, wb)
+    pair: Any = (oa, da, wa, links, dr.zeros(long, dr.width(oa))), (ob, db, wb)
     mask = dr.zeros(type(a.inward), dr.width(oa))
     state = pair, allocate(scene, limits, (*pair[0], *pair[1])), mask, ~mask
     if reflects(scene):

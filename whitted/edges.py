@@ -4,6 +4,7 @@ All in NumPy, on the few samples that are concerned, and in an order that does n
 are numbered row by row; image positions and lengths are in pixels.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property, lru_cache
 from typing import Any, TypeVar
@@ -11,7 +12,6 @@ from typing import Any, TypeVar
 import numpy as np
 
 Table = TypeVar("Table")
-
 
 
 def _columns(table: Any) -> list:
@@ -23,7 +23,7 @@ def take(table: Table, which: np.ndarray) -> Table:
     return type(table)(*(take(v, which) if is_dataclass(v) else v.take(which, 0) for v in _columns(table)))
 
 
-def joined(tables: list[Table]) -> Table:
+def joined(tables: Sequence[Table]) -> Table:
     """The rows of several dataclasses of arrays."""
     columns = zip(*(_columns(table) for table in tables), strict=True)
     return type(tables[0])(*(joined(c) if is_dataclass(c[0]) else np.concatenate(c) for c in columns))
@@ -108,9 +108,7 @@ def fine_positions(pixels: np.ndarray, columns: int, side: int, first_row: int) 
     return x, y
 
 
-def fine_pairs(
-    labels: np.ndarray, colors: np.ndarray, x: np.ndarray, y: np.ndarray, pixels: np.ndarray, first: int
-) -> Pairs:
+def fine_pairs(labels: np.ndarray, colors: np.ndarray, x: np.ndarray, y: np.ndarray, pixels: np.ndarray, first: int) -> Pairs:
     """The pairs of pixels with `fine_positions`, whose samples are numbered from `first` on."""
     side = labels.shape[1] - 2
     parts = []

@@ -20,11 +20,10 @@ from .chain import Arrival
 from .decisions import Decisions, decide
 from .geometry import NONE, Array, Plane, Ray, Sphere, chord, level, plane_distance, sphere_blocks, sphere_distance
 from .optics import transmission
-from .scene import Hit, Scene, starts_on
+from .scene import Hit, Scene, closest_hit, starts_on
 from .shading import incident
 from .surface import Surface, checkers, on_plane, relative_index, surface
 from .trace import Limits, children, refracts, scatter
-from .scene import closest_hit
 
 # Cells of a checkerboard between two samples beyond which their edges are left to the samples
 CELLS = 3
@@ -69,7 +68,7 @@ def _distance(scene: Scene, ray: Ray, index: Array, inside: Array) -> Array:
     """The distance to a primitive, also of a ray that just misses it."""
     sphere, plane, is_sphere = _chosen(scene, index)
     b, discriminant = chord(sphere, ray.o, ray.d)
-    half = dr.sqrt(dr.fmax(discriminant, 0))
+    half = dr.sqrt(dr.select(discriminant > 0, discriminant, 0))
     t = dr.select(ray.source == index, 2 * b, dr.select(inside, b + half, b - half))
     return dr.select(is_sphere, t, plane_distance(plane, ray))
 

@@ -58,6 +58,9 @@ def crossings(
     return found, colors[0] - colors[1], *labels
 
 
+RayAt = Callable[[Array, Array], tuple[Ray, Array, Array]]
+
+
 def _each_node(stretch: Stretch, state: tuple, visit: Callable) -> tuple:
     """Visit all nodes of stretches in turn: visit(x, y, weight_a, weight_b, *state) -> state."""
 
@@ -114,7 +117,7 @@ def levels_jvp(
     return level_jvp(scene, slopes, *ray_at(x, y), limits, edge)
 
 
-def _moving(shape: Shape, parameters: dict, size: Array, wrt: dict, tangents: dict) -> tuple[Scene, dict, Callable]:
+def _moving(shape: Shape, parameters: dict, size: Array, wrt: dict, tangents: dict) -> tuple[Scene, dict, RayAt]:
     """The scene, its own parameters' tangents, and a function from image positions to rays and their tangents."""
     wrt = dr.detach(wrt)
     dr.enable_grad(wrt)
@@ -136,12 +139,14 @@ def _moving(shape: Shape, parameters: dict, size: Array, wrt: dict, tangents: di
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
-def samples_vjp(
-    shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, seed: Array, x: Array, y: Array
-) -> dict:
+def samples_vjp(shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, seed: Array, x: Array, y: Array) -> dict:
     """The derivatives of the sum of dot(seed, radiance) over image positions by the parameters `wrt`."""
     reverse = _Reverse(shape, parameters, size, wrt, dr.width(x))
-    return reverse.gradients(reverse.visit(x, y, reverse.sums, lambda *args: radiance_vjp(*args, seed, limits)))
+
+    def walk(scene, sums, wide, ray):
+        return radiance_vjp(scene, sums, wide, ray, seed, limits)
+
+    return reverse.gradients(reverse.visit(x, y, reverse.sums, walk))
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
@@ -153,7 +158,11 @@ def stretches_vjp(
 
     def visit(x, y, weight_a, weight_b, sums):
         seed = dr.fma(seed_a, weight_a, seed_b * weight_b)
-        return (reverse.visit(x, y, sums, lambda *args: radiance_vjp(*args, seed, limits)),)
+
+        def walk(scene, sums, wide, ray):
+            return radiance_vjp(scene, sums, wide, ray, seed, limits)
+
+        return (reverse.visit(x, y, sums, walk),)
 
     return reverse.gradients(*_each_node(stretch, (reverse.sums,), visit))
 
@@ -164,7 +173,9 @@ def levels_vjp(
 ) -> dict:
     """The derivatives of the sum of seed * (level function) over image positions by the parameters `wrt`."""
     reverse = _Reverse(shape, parameters, size, wrt, dr.width(x))
-    return reverse.gradients(reverse.visit(x, y, reverse.sums, lambda *args: level_vjp(*args, seed, limits, edge)))
+    return reverse.gradients(
+        reverse.visit(x, y, reverse.sums, lambda *tree: level_vjp(*tree, seed=seed, limits=limits, edge=edge))
+    )
 
 
 class _Reverse:

@@ -7,16 +7,18 @@ of the trees of rays is stored in between. Large images are rendered a band of r
 import math
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import drjit as dr
 import numpy as np
 from drjit.llvm import ad
 
 from . import wavefront
-from .boundary import TERMS, Band, Correction, correct
+from .boundary import correct
+from .correction import TERMS, Correction
 from .film import Film, band
 from .geometry import Array
+from .region import Band
 from .scene import MAX_DEPTH, Scene, Shape
 from .trace import Limits
 
@@ -71,7 +73,7 @@ def render(
     size, depth = (width, height), max_depth or scene.max_depth
     job: _Job = _Job(scene, still, size, depth, side, progress)
     if boundary:
-        job = _BoundaryJob(scene, still, size, depth, side, progress, terms, {} if wrt else None)
+        job = _BoundaryJob(scene, still, size, depth, side, progress, terms, keep=bool(wrt))
     return dr.custom(_Render, wrt, job) if wrt else job.image()
 
 
@@ -178,15 +180,16 @@ class _BoundaryJob(_Job):
     """One image with its edges; what is known of them is kept for the derivatives."""
 
     terms: str = "both"
-    corrections: dict[int, Correction] | None = None
+    keep: bool = False
+    corrections: dict[int, Correction] = field(default_factory=dict)
 
     def image(self) -> Array:
         return self._assemble(self._correct)
 
     def _correct(self, first: int, rows: int) -> Array:
         band = Band(self.scene.shape, self.parameters, self.limits, self.resolution, first, rows, self.side)
-        pixels, correction = correct(band, self.corrections is not None)
-        if self.corrections is not None:
+        pixels, correction = correct(band, self.keep)
+        if self.keep:
             self.corrections[first] = correction
         return pixels
 

@@ -1,0 +1,82 @@
+"""A band of an image's rows, and the way between NumPy's arrays and those of the kernels that work on it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import numpy as np
+from drjit.llvm import ad
+
+from .film import Film, band
+from .geometry import Array
+from .scene import Shape
+from .trace import Limits
+
+# Most lanes of one call of a kernel: those of derivatives keep all parameters' derivatives for each lane
+SAMPLES = 1 << 20
+LANES = 1 << 17
+PACKET = 16
+
+
+@dataclass(frozen=True)
+class Band:
+    """Some rows of an image."""
+
+    shape: Shape
+    parameters: dict[str, Array]
+    limits: Limits
+    resolution: tuple[int, int]  # of the whole image
+    first_row: int
+    rows: int
+    side: int  # samples along a pixel's side
+
+    @property
+    def real(self) -> type:
+        return type(self.shape.scene.camera.fov)
+
+    def film(self, margin: int) -> Film:
+        return band(self.resolution, self.first_row, self.rows, self.side, self.real, margin)
+
+    @property
+    def inputs(self) -> tuple[Shape, dict[str, Array], Array, Limits]:
+        """What all kernels of `probe` take first."""
+        return self.shape, self.parameters, self.film(0).size, self.limits
+
+    def lanes(self, *arrays: np.ndarray) -> list[Array]:
+        """Dr.Jit arrays of whole packets."""
+        return [lanes(array if array.dtype == bool else array.astype(number(self.real), copy=False)) for array in arrays]
+
+    def color(self, array: np.ndarray) -> Array:
+        return type(self.shape.scene.background)(*self.lanes(*array.T))
+
+
+def number(real: type) -> Any:
+    """NumPy's type for a Dr.Jit type of numbers."""
+    return np.float32 if real is ad.Float else np.float64
+
+
+KINDS = {"bool": "Bool", "float32": "Float", "float64": "Float64", "uint32": "UInt", "uint64": "UInt64"}
+
+
+def lanes(array: np.ndarray) -> Array:
+    """A Dr.Jit array of whole packets, as kernels want more than one lane; zeros fill the last one up."""
+    return aligned(array, -(-len(array) // PACKET) * PACKET)
+
+
+def aligned(array: np.ndarray, length: int) -> Array:
+    """A Dr.Jit array in Dr.Jit's memory, as one in NumPy's, of another alignment, would get a kernel of its own."""
+    result = dr.empty(getattr(ad, KINDS[array.dtype.name]), length)
+    memory = result.numpy()
+    memory[: len(array)], memory[len(array) :] = array, 0
+    return result
+
+
+def columns(value: Array, n: int) -> np.ndarray:
+    """The first n elements of a vector array's components, shape (n, components)."""
+    return np.stack([component.numpy()[:n] for component in value], 1)
+
+
+def chunks(n: int, size: int) -> Iterator[slice]:
+    for first in range(0, n, size):
+        yield slice(first, min(first + size, n))
