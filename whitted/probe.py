@@ -173,9 +173,11 @@ def levels_vjp(
 ) -> dict:
     """The derivatives of the sum of seed * (level function) over image positions by the parameters `wrt`."""
     reverse = _Reverse(shape, parameters, size, wrt, dr.width(x))
-    return reverse.gradients(
-        reverse.visit(x, y, reverse.sums, lambda *tree: level_vjp(*tree, seed=seed, limits=limits, edge=edge))
-    )
+
+    def walk(scene, sums, wide, ray):
+        return level_vjp(scene, sums, wide, ray, seed, limits, edge)
+
+    return reverse.gradients(reverse.visit(x, y, reverse.sums, walk))
 
 
 class _Reverse:
