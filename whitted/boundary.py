@@ -70,7 +70,7 @@ from .region import LANES, SAMPLES, Band, chunks, columns, number
 
 # Edges between samples that differ less, relative to the brighter one and for one sample a pixel, are left to the samples
 CONTRAST = 1 / 32
-# Searches for edges in what is left of a segment
+# Searches for edges in what is left of a segment; half as many with a single sample a pixel
 ROUNDS = 6
 
 
@@ -114,11 +114,9 @@ class _Search:
         pixel = np.where(touched[pairs.pixel], -1, pairs.pixel)
         pairs = take(replace(pairs, pixel=pixel), np.flatnonzero((pixel >= 0).any(1)))
         groups = [contrasting(pairs, self.contrast)]
-        if len(meets):
-            groups.append(contrasting(self.refine(meets, 2), self.contrast))
-        fine = band.side * (4 if band.side <= 4 else 2)
-        for part in chunks(len(crowds), max(1, SAMPLES // (fine + 2) ** 2)):
-            groups.append(self.refine(crowds[part], fine))
+        for pixels, side in ((meets, 2), (crowds, band.side * (4 if band.side <= 4 else 2))):
+            for part in chunks(len(pixels), max(1, SAMPLES // (side + 2) ** 2)):
+                groups.append(self.refine(pixels[part], side))
         pairs = joined(groups)
         if self.keep:
             self.weights = np.ones((self.count, 1), number(band.real))
@@ -186,7 +184,7 @@ def _find(band: Band, pairs: Pairs) -> tuple[Crossings, dict[str, np.ndarray]]:
     gaps = np.maximum(pairs.length * (2.0**-10 if single else 1e-6), 8 * ulp)
     pair, start, length, labels = np.arange(len(pairs)), np.zeros(len(pairs)), pairs.length, pairs.label
     groups: list[dict[str, np.ndarray]] = []
-    for _ in range(ROUNDS):
+    for _ in range(ROUNDS if band.side > 1 else ROUNDS // 2):
         n, here, gap = len(pair), pairs if not groups else take(pairs, pair), gaps[pair]
         segment = Segment(*band.lanes(*positions(here, start), here.vertical, length))
         crossing, jump, label_before, label_behind = probe.crossings(*band.inputs, segment, *band.lanes(gap))
@@ -209,8 +207,7 @@ def _find(band: Band, pairs: Pairs) -> tuple[Crossings, dict[str, np.ndarray]]:
         length = np.concatenate([(along - gap - start)[left], (stop - along - gap)[right]])
         start = np.concatenate([start[left], (along + gap)[right]])
         pair, labels = np.concatenate([pair[left], pair[right]]), np.concatenate(ends)
-        # With a single sample a pixel, the last few are not worth a call
-        if len(pair) <= (len(pairs) // 50 if band.side == 1 else 0):
+        if not len(pair):
             break
     table = {name: np.concatenate([group[name] for group in groups]) for name in groups[0]}
     # By pair, then by distance, which is less than a pixel

@@ -84,7 +84,7 @@ def contrasting(pairs: Pairs, least: float) -> Pairs:
 
 
 def label_counts(labels: np.ndarray, colors: np.ndarray, side: int, pixels: np.ndarray, least: float) -> np.ndarray:
-    """How many labels the samples of a pixel and their neighbours have; 1 where their contrast is too small."""
+    """How many labels the samples of a pixel and its neighbours' nearest have; 1 where their contrast is too small."""
     stride = labels.shape[1]
     columns = stride // side - 2
     across, inner = np.meshgrid(np.arange(-1, side + 1), np.arange(side))
