@@ -7,7 +7,7 @@ of the trees of rays is stored in between. Large images are rendered a band of r
 import math
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import drjit as dr
 import numpy as np
@@ -124,8 +124,7 @@ class _Job:
     def limits(self) -> Limits:
         scene = self.scene
         importance = dr.opaque(type(scene.camera.fov), scene.min_importance) if scene.min_importance > 0 else None
-        real = type(scene.camera.fov)
-        return Limits(self.max_depth, dr.opaque(ad.UInt32, self.max_depth), importance, dr.opaque(real, FAINT / self.side**2))
+        return Limits(self.max_depth, dr.opaque(ad.UInt32, self.max_depth), importance)
 
     def bands(self) -> Iterator[tuple[int, int]]:
         """First row and rows of each band."""
@@ -182,6 +181,10 @@ class _BoundaryJob(_Job):
     terms: str = "both"
     keep: bool = False
     corrections: dict[int, Correction] = field(default_factory=dict)
+
+    @property
+    def limits(self) -> Limits:
+        return replace(super().limits, faint=dr.opaque(type(self.scene.camera.fov), FAINT / self.side**2))
 
     def image(self) -> Array:
         return self._assemble(self._correct)

@@ -123,8 +123,7 @@ def _walk(scene: Scene, ray: Ray, limits: Limits, label: tuple) -> tuple[Array, 
     """Radiance, and the label, if there is one, with all nodes' decisions mixed in."""
 
     def look(ray, at, weight, active, label):
-        counts = dr.abs(weight) >= limits.faint
-        return tuple(dr.select(counts, mix(part, decide(scene, ray, at, active)), part) for part in label)
+        return tuple(dr.select(dr.abs(weight) >= limits.faint, mix(part, decide(scene, ray, at, active)), part) for part in label)
 
     if not reflects(scene):
         at = surface(scene, ray, closest_hit(scene, ray))
