@@ -84,3 +84,26 @@ def adjoint_error(function, values, tangents, seed=0):
     there = np.sum(weights * forward)
     back = sum(np.sum(gradients[name] * np.ravel(tangents[name])) for name in values)
     return abs(there - back) / (np.sum(abs(weights * forward)) or 1.0)
+
+
+def image_difference(function, values, tangents, step=2e-5):
+    """Central differences of a whole image, edges and all, and their own error: how far those of twice the step are away.
+
+    Returns:
+        The differences, and the error relative to their norm.
+    """
+
+    def slope(h):
+        right, left = (
+            function({name: as_type(v, np.ravel(v.numpy()) + t * np.ravel(tangents[name])) for name, v in values.items()})
+            for t in (h, -h)
+        )
+        return (right.numpy() - left.numpy()) / (2 * h)
+
+    near, far = slope(step), slope(2 * step)
+    return near, image_error(far, near)
+
+
+def image_error(image, reference):
+    """The distance of two images, relative to the norm of the second."""
+    return np.linalg.norm(image - reference) / np.linalg.norm(reference)

@@ -1,6 +1,13 @@
 """Scene files for tests, built of parts."""
 
+from functools import partial
+
 import numpy as np
+
+import whitted
+
+# Samples without the edges between them, for tests of what a sample is
+render_plain = partial(whitted.render, boundary=False)
 
 CAMERA = "[camera]\nposition = [0.1, 0.4, 3.2]\nlook_at = [0, 0, 0]\nfov = 50\nresolution = [16, 12]\n"
 SKY = "background = [0.3, 0.5, 0.9]\nambient = [0.2, 0.15, 0.1]\n"

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from gradcheck import adjoint_error, compare, directions, jvp, vjp
 from samples import CAMERA, LIGHT, SECOND_LIGHT, SKY, plane, sphere
+from samples import render_plain as render
 
-from whitted.render import render
 from whitted.scene_file import load_scene
 
 SCENES = sorted((Path(__file__).parents[1] / "scenes").glob("*.toml"))

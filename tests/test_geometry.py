@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from drjit.llvm import ad
 from samples import LIGHT, plane, sphere
+from samples import render_plain as render
 
 from whitted.geometry import (
     NONE,
@@ -21,7 +22,6 @@ from whitted.geometry import (
     sphere_distance,
     two_sum,
 )
-from whitted.render import render
 
 TYPES = {"single": (ad.Float, ad.Array3f), "double": (ad.Float64, ad.Array3f64)}
 EPSILON = {"single": 2.0**-23, "double": 2.0**-52}

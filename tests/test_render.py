@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from reference import Reference
 from samples import CAMERA, FLOOR, LIGHT, ROOM, SCENES, SECOND_LIGHT, SKY, scene, sphere, three
+from samples import render_plain as render
 
 from whitted.about import features
-from whitted.render import render
 from whitted.timing import recorded
 
 MODULE = sys.modules["whitted.render"]  # the package's attribute of this name is the function
@@ -36,7 +36,10 @@ def gradients(scene, **options):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"boundary": True}, r"^boundary=True: this version has no boundary term; pass boundary=False$"),
+        *(
+            ({"terms": terms}, rf"^terms: expected one of both, interior, boundary, with boundary=True, got {terms!r}$")
+            for terms in ("interior", "boundary", "edges", None)
+        ),
         *(
             ({"spp": spp}, rf"^spp: expected a perfect square \(1, 4, 9, 16, ...\) up to 65536, got {spp!r}$")
             for spp in (0, -4, 2, 8, 4.0, True, None, "4", (1 << 16) + 1, 257**2)

