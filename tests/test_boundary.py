@@ -157,7 +157,8 @@ KINDS = {
         0.05,
     ),
     "checkerboard": (
-        GLOW + AHEAD + "up = [0.4, 1, 0]\n" + material("checks", color=[0.9, 0.1, 0.2], checker="{ color = [0.1, 0.8, 0.7], size = 0.37 }")
+        GLOW + AHEAD + "up = [0.4, 1, 0]\n"
+        + material("checks", color=[0.9, 0.1, 0.2], checker="{ color = [0.1, 0.8, 0.7], size = 0.37 }")
         + wall([0.1, 0.2, 1], 0.5, "checks"),
         "camera.position",
         0,
