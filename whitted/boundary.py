@@ -14,7 +14,7 @@ The method, on the regular grid of samples with spacing h:
 
 1. Label each sample with a hash of its tree's decisions (`decisions.py`). Two neighbours, side by side or one below
    the other, with different labels have an edge in between.
-2. Walk both trees at once to the first node that decides differently, tell the event there and find the root of its
+2. Walk both trees at once for the heaviest node that decides differently, tell the event there and find the root of its
    level function phi along the segment (`crossing.py`). Where the labels beside the root are not those of the
    samples, more edges are in the segment, and the search goes on in what is left of it.
 3. The part of the segment's line that lies behind the crossing goes from one sample to the other: (c - middle) (f- - f+) h.

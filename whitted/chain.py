@@ -77,8 +77,8 @@ def follow(scene: Scene, ray: Ray, path: Path, limits: Limits) -> Arrival:
     return Arrival(unpack(o, d, links)[0], weight)
 
 
-def first_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> tuple[Path, Arrival, Arrival, Array]:
-    """Walk the trees of two rays at once, depth first, to the first node at which they decide differently.
+def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> tuple[Path, Arrival, Arrival, Array]:
+    """Walk the trees of two rays at once for the node of the largest weight at which they decide differently.
 
     Returns:
         The path to the node, the two rays that arrive at it, and whether there is such a node.
@@ -86,7 +86,7 @@ def first_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> tuple[Path
     uint = type(a.source)
     long: Any = dr.uint64_array_t(uint)
 
-    def node(pair, stack, found, active):
+    def node(pair, stack, best, active):
         (oa, da, wa, links, turns), (ob, db, wb) = pair
         ray, depth = unpack(oa, da, links)
         other = Ray(ob, db, ray.source, ray.inward)
@@ -99,25 +99,25 @@ def first_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> tuple[Path
             turned = turns | (long(1) << dr.minimum(long(depth - 1), REMEMBERED - 1)) if k else turns
             one = at.p, x.direction, wa * x.weight, pack(at.hit.index, x.inward, depth + 1), turned
             paths.append((*one, to.p, y.direction, wb * y.weight))
+        best = dr.select(differ & (dr.abs(wa) > dr.abs(best[0][2])), pair, best)
         if not paths:
-            return pair, stack, differ, dr.mask_t(active)(False)
+            return pair, stack, best, dr.mask_t(active)(False)
         # What is too faint for an edge has none below it either
         onward = [x.active & ~differ & (dr.abs(path[2]) >= limits.faint) for x, path in zip(left, paths, strict=True)]
         stack, more, parts = go_on(stack, onward, paths)
-        more &= ~differ
-        return dr.select(differ, pair, (parts[:5], parts[5:])), stack, differ, more
+        return (parts[:5], parts[5:]), stack, best, more
 
     oa, da, wa = start(a)
     ob, db, wb = start(b)
     links = pack(a.source, a.inward, dr.ones(uint, dr.width(oa)))
     pair: Any = (oa, da, wa, links, dr.zeros(long, dr.width(oa))), (ob, db, wb)
-    mask = dr.zeros(type(a.inward), dr.width(oa))
-    state = pair, allocate(scene, limits, (*pair[0], *pair[1])), mask, ~mask
+    none: Any = (oa + 0, da + 0, dr.zeros(type(wa), dr.width(oa)), links + 0, pair[0][4] + 0), (ob + 0, db + 0, wb + 0)
+    state = pair, allocate(scene, limits, (*pair[0], *pair[1])), none, dr.ones(type(a.inward), dr.width(oa))
     if reflects(scene):
-        state = dr.while_loop(state, lambda *state: state[-1], node, mode="symbolic", label="first_difference")
+        state = dr.while_loop(state, lambda *state: state[-1], node, mode="symbolic", label="strongest_difference")
     else:
         state = node(*state)
-    ((oa, da, wa, links, turns), (ob, db, wb)), found = state[0], state[2]
+    (oa, da, wa, links, turns), (ob, db, wb) = state[2]
     ray, depth = unpack(oa, da, links)
     path = Path(depth - 1, turns)
-    return path, Arrival(ray, wa), Arrival(Ray(ob, db, ray.source, ray.inward), wb), found
+    return path, Arrival(ray, wa), Arrival(Ray(ob, db, ray.source, ray.inward), wb), wa != 0

@@ -7,7 +7,7 @@ import drjit as dr
 from drjit.llvm import ad
 
 from .camera import View, image_ray
-from .chain import Arrival, Path, first_difference, follow
+from .chain import Arrival, Path, strongest_difference, follow
 from .decisions import decide, mix
 from .derivative import Edge, level_vjp, pull_back
 from .events import NOTHING, classify, level_function
@@ -45,7 +45,7 @@ class Crossing:
 
 
 def locate(scene: Scene, camera: View, size: Array, segment: Segment, limits: Limits) -> Crossing:
-    """Find the first edge, in the order of the tree, between two samples of different labels.
+    """Find an edge between two samples of different labels, at the node of the largest weight that has one.
 
     Where none is found, for example because a second edge hides it, the event is `NOTHING`.
     """
@@ -54,7 +54,7 @@ def locate(scene: Scene, camera: View, size: Array, segment: Segment, limits: Li
         return image_ray(camera, size, *segment.at(t))
 
     zero = dr.zeros(type(segment.x), dr.width(segment.x))
-    path, a, b, found = first_difference(scene, ray_at(zero), ray_at(zero + 1), limits)
+    path, a, b, found = strongest_difference(scene, ray_at(zero), ray_at(zero + 1), limits)
     low, high, a, b = _bisect(scene, ray_at, path, a, b, limits)
     event = classify(scene, a, b, path.bounces + 1, limits)
 
