@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
+from PIL import Image
 
 import whitted as wt
 from whitted.cli import run
@@ -43,6 +44,15 @@ def test_exr_header_tells_how_it_was_made(tmp_path):
         assert header["renderSeconds"] > 0
 
 
+def test_no_boundary_gives_plain_samples(tmp_path):
+    plain, corrected = tmp_path / "plain.exr", tmp_path / "corrected.exr"
+    assert run(["render", str(SCENE), "-o", str(plain), "--size", "24x16", "--depth", "3", "--no-boundary"]) == 0
+    assert run(["render", str(SCENE), "-o", str(corrected), "--size", "24x16", "--depth", "3"]) == 0
+    expected = wt.render(wt.load_scene(SCENE), boundary=False, max_depth=3, resolution=(24, 16)).numpy()
+    np.testing.assert_array_equal(wt.read_image(plain).numpy(), expected)
+    assert abs(wt.read_image(corrected).numpy() - expected).max() > 0.01
+
+
 @pytest.mark.parametrize("scene", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
 def test_shipped_scenes_render(tmp_path, scene):
     assert run(["render", str(scene), "-o", str(tmp_path / "a.exr"), "--size", "16x16"]) == 0
@@ -66,8 +76,9 @@ def test_shipped_scenes_render(tmp_path, scene):
     ],
 )
 def test_bad_arguments(tmp_path, capsys, arguments, message):
-    assert run(["render", str(SCENE), "-o", str(tmp_path / "a.exr"), *arguments]) == 2
-    check_refusal(tmp_path, capsys, message)
+    for command in (["render"], ["gradient", "--wrt", "camera.fov"]):
+        assert run([*command, str(SCENE), "-o", str(tmp_path / "a.exr"), *arguments]) == 2
+        check_refusal(tmp_path, capsys, message)
 
 
 def check_refusal(tmp_path, capsys, message):
@@ -90,7 +101,74 @@ def check_refusal(tmp_path, capsys, message):
 def test_bad_outputs(tmp_path, capsys, output, message):
     (tmp_path / "folder.exr").mkdir()
     (tmp_path / "preview.png").mkdir()
-    assert run(["render", str(SCENE), "-o", str(tmp_path / output)]) == 2
+    for command in (["render"], ["gradient", "--wrt", "camera.fov"]):
+        assert run([*command, str(SCENE), "-o", str(tmp_path / output)]) == 2
+        check_refusal(tmp_path, capsys, message)
+
+
+@pytest.mark.parametrize(
+    ("name", "component", "terms"),
+    [("materials.glass.ior", None, "both"), ("spheres.ball.center", "y", "boundary"), ("lights.key.intensity", "z", "interior")],
+)
+def test_gradient_writes_exr_and_png(tmp_path, capsys, name, component, terms):
+    out, size = tmp_path / "a.exr", (24, 16)
+    options = ["--spp", "4", "--depth", "3", "--size", "24x16", "--precision", "double", "--terms", terms]
+    options += ["--component", component] if component else []
+    assert run(["gradient", str(SCENE), "--wrt", name, "-o", str(out), *options]) == 0
+    scene = wt.load_scene(SCENE, "double")
+    expected = wt.gradient(scene, name, component, 4, terms=terms, max_depth=3, resolution=size).numpy()
+    written = wt.read_image(out).numpy()
+    scale = abs(expected).max()
+    assert scale > 0.01
+    np.testing.assert_allclose(written, expected, atol=1e-6 * scale)
+    check_colors(tmp_path / "a.png", written)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "a.png"]
+    text = capsys.readouterr().out
+    printed = np.percentile(abs(written.mean(axis=-1)), 99.5)
+    for part in (
+        "24 x 16, spp 4, depth 3, double precision",
+        "s compile",
+        f"scale: {printed:.3g}, ",
+        "0.52% of its pixels clipped",
+    ):
+        assert part in text
+    with OpenEXR.File(str(out)) as file:
+        header = file.header()
+        assert header["wrt"] == (f"{name}.{component}" if component else name)
+        assert (header["terms"], header["sceneSHA256"]) == (terms, hashlib.sha256(SCENE.read_bytes()).hexdigest())
+
+
+def check_colors(path, derivative):
+    """Red where the derivative is well above 0, blue where it is well below, white where it is 0."""
+    values = derivative.mean(axis=-1)
+    height, width = values.shape
+    with Image.open(path) as file:
+        picture = np.asarray(file).astype(int)
+    assert picture.shape[0] > height
+    left = (picture.shape[1] - width) // 2
+    red, _, blue = np.moveaxis(picture[:height, left : left + width], -1, 0)
+    well = 0.05 * np.percentile(abs(values), 99.5)
+    for region, right in ((values > well, red > blue), (values < -well, red < blue), (values == 0, (red == 255) & (blue == 255))):
+        assert right[region].all()
+    assert (abs(values) > well).any()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["--wrt", "ambient"],
+            "component: expected x, y or z (red, green or blue of a colour) for the vector 'ambient', got none",
+        ),
+        (["--wrt", "camera.fov", "--component", "x"], "component: expected none for the number 'camera.fov', got x"),
+        (["--wrt", "spheres.bal.radius"], "the scene has no parameter 'spheres.bal.radius'; nearest: spheres.ball.radius, "),
+        (["--wrt", "ambient", "--component", "w"], "'--component'"),
+        (["--wrt", "camera.fov", "--terms", "none"], "'--terms'"),
+        ([], "'--wrt'"),
+    ],
+)
+def test_bad_gradients(tmp_path, capsys, arguments, message):
+    assert run(["gradient", str(SCENE), "-o", str(tmp_path / "a.exr"), "--size", "8x8", *arguments]) == 2
     check_refusal(tmp_path, capsys, message)
 
 
@@ -117,8 +195,9 @@ def test_info_and_help(capsys):
     text = capsys.readouterr().out
     for part in ("Dr.Jit:", "libLLVM:", "vector width:", "threads:", "kernel cache:"):
         assert part in text
-    assert run(["render", "--help"]) == 0
-    assert "Examples:" in capsys.readouterr().out
+    for command in ("render", "gradient"):
+        assert run([command, "--help"]) == 0
+        assert "Examples:" in capsys.readouterr().out
     assert run(["rendr"]) == 2
     assert "Did you mean 'render'?" in capsys.readouterr().err
 
@@ -147,11 +226,12 @@ def test_without_llvm(tmp_path):
     """No libLLVM anywhere: one line that tells the remedy, exit status 2."""
     missing = str(tmp_path / "libLLVM.so")
     environment = {**os.environ, "DRJIT_LIBLLVM_PATH": missing}
-    command = [sys.executable, "-m", "whitted.cli", "render", str(SCENE), "-o", str(tmp_path / "a.exr")]
-    process = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert process.returncode == 2
-    assert missing in process.stderr
-    assert process.stderr.count("\n") == 1
+    for arguments in (["render"], ["gradient", "--wrt", "camera.fov"]):
+        command = [sys.executable, "-m", "whitted.cli", *arguments, str(SCENE), "-o", str(tmp_path / "a.exr")]
+        process = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        assert process.returncode == 2
+        assert missing in process.stderr
+        assert process.stderr.count("\n") == 1
 
 
 def test_disk_that_is_full(tmp_path, capsys, monkeypatch):

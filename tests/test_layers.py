@@ -8,8 +8,22 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "whitted"
 ORDER = [
     *("llvm", "geometry", "optics", "camera", "scene", "schema", "scene_file", "surface", "shading"),
-    *("decisions", "stack", "trace", "chain", "events", "derivative", "film", "crossing", "wavefront", "probe", "edges"),
-    *("boundary", "render", "image", "timing", "about", "cli"),
+    *("decisions", "stack", "trace", "chain", "events", "derivative", "film", "crossing", "quadrature"),
+    *(
+        "wavefront",
+        "probe",
+        "edges",
+        "region",
+        "correction",
+        "boundary",
+        "render",
+        "image",
+        "gradient",
+        "diverging",
+        "timing",
+        "about",
+        "cli",
+    ),
 ]
 
 

@@ -3,7 +3,7 @@
 from .llvm import BackendError, configure
 
 __version__ = "0.1.0"
-__all__ = ["BackendError", "Scene", "SceneError", "__version__", "load_scene", "read_image", "render", "write_image"]
+__all__ = ["BackendError", "Scene", "SceneError", "__version__", "gradient", "load_scene", "read_image", "render", "write_image"]
 
 try:
     configure()
@@ -15,6 +15,7 @@ except BackendError:
             configure()
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 else:
+    from .gradient import gradient
     from .image import read_image, write_image
     from .render import render
     from .scene import Scene

@@ -7,8 +7,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import Enum
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from typer.exceptions import TyperException
@@ -27,48 +28,108 @@ class Precision(str, Enum):
     double = "double"
 
 
+class Component(str, Enum):
+    x = "x"
+    y = "y"
+    z = "z"
+
+
+class Terms(str, Enum):
+    both = "both"
+    interior = "interior"
+    boundary = "boundary"
+
+
+SceneFile = Annotated[Path, typer.Argument(help="The scene, a TOML file.")]
+Spp = Annotated[int, typer.Option(help="Samples a pixel, a perfect square.")]
+Depth = Annotated[int | None, typer.Option(help="Nodes on the longest chain of rays [default: the scene's].")]
+Size = Annotated[str | None, typer.Option(metavar="WxH", help="Width and height in pixels [default: the scene's].")]
+AnyPrecision = Annotated[Precision, typer.Option(help="Of every computation.")]
+
+
 @app.command(
     epilog="Examples:  whitted render scenes/cornell.toml -o cornell.exr   |   "
     "whitted render scenes/nested.toml -o nested.exr --spp 16 --depth 8 --size 1024x768 --precision double"
 )
 def render(
-    scene: Annotated[Path, typer.Argument(help="The scene, a TOML file.")],
+    scene: SceneFile,
     output: Annotated[Path, typer.Option("-o", "--output", help="Image to write, .exr; a .png preview goes next to it.")],
-    spp: Annotated[int, typer.Option(help="Samples a pixel, a perfect square.")] = 1,
-    depth: Annotated[int | None, typer.Option(help="Nodes on the longest chain of rays [default: the scene's].")] = None,
-    size: Annotated[str | None, typer.Option(metavar="WxH", help="Width and height in pixels [default: the scene's].")] = None,
-    precision: Annotated[Precision, typer.Option(help="Of every computation.")] = Precision.single,
-    no_boundary: Annotated[bool, typer.Option("--no-boundary", help="Plain samples; this version has no others.")] = False,
+    spp: Spp = 1,
+    depth: Depth = None,
+    size: Size = None,
+    precision: AnyPrecision = Precision.single,
+    no_boundary: Annotated[bool, typer.Option("--no-boundary", help="Plain samples: fast, wrong at edges.")] = False,
 ) -> None:
     """Render a scene to an EXR, with a PNG preview next to it."""
-    from . import __version__, load_scene, timing
     from . import render as render_image
-    from .about import features
+    from .image import clipped, write_image
 
     _check_output(output)
+    image, metadata = _compute(partial(render_image, boundary=not no_boundary), scene, spp, depth, size, precision)
+    preview = output.with_suffix(".png")
+    write_image(output, image, metadata)
+    write_image(preview, image)
+    typer.echo(f"wrote {output}, and {preview} as sRGB with {clipped(image):.2%} of its pixels clipped to [0, 1]")
+
+
+@app.command(
+    epilog="Examples:  whitted gradient scenes/cornell.toml --wrt materials.glass.ior -o ior.exr   |   "
+    "whitted gradient scenes/cornell.toml --wrt spheres.ball.center --component x --terms boundary -o edges.exr"
+)
+def gradient(
+    scene: SceneFile,
+    wrt: Annotated[str, typer.Option(metavar="NAME", help="The parameter, such as spheres.ball.radius.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Derivative to write, .exr; a .png in colours goes next to it.")],
+    component: Annotated[Component | None, typer.Option(help="Of a vector; x, y, z of a colour are red, green, blue.")] = None,
+    terms: Annotated[Terms, typer.Option(help="What is between edges, what moving edges add, or both.")] = Terms.both,
+    spp: Spp = 1,
+    depth: Depth = None,
+    size: Size = None,
+    precision: AnyPrecision = Precision.single,
+) -> None:
+    """Write d image / d NAME as an EXR, with a PNG next to it: blue below 0, white at 0, red above."""
+    from . import gradient as differentiate
+    from .diverging import write_diverging
+    from .image import write_image
+
+    _check_output(output)
+    derivative = partial(differentiate, name=wrt, component=component and component.value, terms=terms.value)
+    image, metadata = _compute(derivative, scene, spp, depth, size, precision)
+    number = f"{wrt}.{component.value}" if component else wrt
+    preview = output.with_suffix(".png")
+    write_image(output, image, {**metadata, "wrt": number, "terms": terms.value})
+    title = f"d image / d {number}" + ("" if terms is Terms.both else f", {terms.value} term")
+    scale, clipped = write_diverging(preview, image, title)
+    typer.echo(f"scale: {scale:.3g}, of the mean of the channels")
+    typer.echo(f"wrote {output}, and {preview} from blue to red with {clipped:.2%} of its pixels clipped to the scale")
+
+
+def _compute(
+    function: Callable, scene: Path, spp: int, depth: int | None, size: str | None, precision: Precision
+) -> tuple[Any, dict[str, str | int | float]]:
+    """Load a scene, make an image of it, print what that took; returns the image and how it was made."""
+    from . import __version__, load_scene, timing
+    from .about import features
+
     loaded = load_scene(scene, precision.value)
     start = time.perf_counter()
     with timing.recorded() as kernels, _progress_bar() as progress:
         resolution = _size(size) if size else None
-        image = render_image(loaded, spp, max_depth=depth, resolution=resolution, progress=progress)
+        image = function(loaded, spp=spp, max_depth=depth, resolution=resolution, progress=progress)
     seconds = time.perf_counter() - start
     height, width, _ = image.shape
     depth = depth or loaded.max_depth
     typer.echo(f"{scene}: {width} x {height}, spp {spp}, depth {depth}, {precision.value} precision")
     typer.echo(f"compiled in: {', '.join(features(loaded))}; {kernels.operations} operations")
     typer.echo(f"time: {kernels.compile_seconds:.3f} s compile, {kernels.run_seconds:.3f} s run, {seconds:.3f} s in all")
-    _write(
-        output,
-        image,
-        {
-            "whitted": __version__,
-            "sceneSHA256": hashlib.sha256(scene.read_bytes()).hexdigest(),
-            "spp": spp,
-            "maxDepth": depth,
-            "precision": precision.value,
-            "renderSeconds": seconds,
-        },
-    )
+    return image, {
+        "whitted": __version__,
+        "sceneSHA256": hashlib.sha256(scene.read_bytes()).hexdigest(),
+        "spp": spp,
+        "maxDepth": depth,
+        "precision": precision.value,
+        "renderSeconds": seconds,
+    }
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -89,15 +150,6 @@ def _check_output(output: Path) -> None:
     for path in (output, output.with_suffix(".png")):
         if path.is_dir():
             raise ValueError(f"{path}: is a folder; name a file")
-
-
-def _write(output: Path, image: object, metadata: dict[str, str | int | float]) -> None:
-    from .image import clipped, write_image
-
-    preview = output.with_suffix(".png")
-    write_image(output, image, metadata)
-    write_image(preview, image)
-    typer.echo(f"wrote {output}, and {preview} as sRGB with {clipped(image):.2%} of its pixels clipped to [0, 1]")
 
 
 @contextmanager

@@ -27,13 +27,11 @@ def write_image(path: str | Path, image: object, metadata: Mapping[str, str | in
         OSError: the file cannot be written; an old one is left as it was.
     """
     path = Path(path)
-    pixels = _pixels(image)
-    if pixels.ndim != 3 or pixels.shape[2] != 3 or 0 in pixels.shape:
-        raise ValueError(f"{path}: expected an image of shape (height, width, 3), got {pixels.shape}")
+    pixels = rgb(path, image)
     if _ending(path) == ".exr":
-        _atomically(path, lambda temporary: _write_exr(temporary, pixels, metadata or {}))
+        atomically(path, lambda temporary: _write_exr(temporary, pixels, metadata or {}))
     else:
-        _atomically(path, lambda temporary: _write_png(temporary, pixels))
+        atomically(path, lambda temporary: _write_png(temporary, pixels))
 
 
 def read_image(path: str | Path) -> ad.TensorXf:
@@ -71,6 +69,14 @@ def clipped(image: object) -> float:
     return float(np.mean([np.mean(~((row >= 0) & (row <= 1)).all(axis=-1)) for row in pixels]))
 
 
+def rgb(path: Path, image: object) -> np.ndarray:
+    """The pixels of an image to be written, which must be of shape (height, width, 3)."""
+    pixels = _pixels(image)
+    if pixels.ndim != 3 or pixels.shape[2] != 3 or 0 in pixels.shape:
+        raise ValueError(f"{path}: expected an image of shape (height, width, 3), got {pixels.shape}")
+    return pixels
+
+
 def _pixels(image: object) -> np.ndarray:
     return np.asarray(image.numpy() if hasattr(image, "numpy") else image)
 
@@ -82,8 +88,8 @@ def _ending(path: Path) -> str:
     return ending
 
 
-def _atomically(path: Path, write: Callable[[Path], None]) -> None:
-    """Write to a temporary file beside the path, then rename it."""
+def atomically(path: Path, write: Callable[[Path], None]) -> None:
+    """Write to a temporary file beside the path, of the same ending, then rename it."""
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, "is a folder; name a file", str(path))
     temporary = path.with_name(f".{path.stem}-{os.getpid()}-{secrets.token_hex(4)}{path.suffix.lower()}")

@@ -1,0 +1,96 @@
+"""The derivative of an image by one number: of the right parameter, of the right component, in the right type."""
+
+import drjit as dr
+import numpy as np
+import pytest
+from gradcheck import as_type, jvp
+from samples import SCENES, scene, sphere
+
+from whitted.gradient import gradient
+from whitted.render import render
+
+# One matte ball in a light of its own that comes from everywhere, before a black sky
+BALL = scene(sphere([0, 0, 0], 0.7, "red"), sky="background = [0, 0, 0]\nambient = [0.2, 0.3, 0.4]\n")
+ALBEDO = np.array([0.8, 0.2, 0.1])
+
+
+@pytest.mark.parametrize("component", ["x", "y", "z"])
+def test_ambient_light_has_its_closed_form(load, component):
+    """Ambient light times albedo: the derivative by one channel is that channel's albedo where the ball is."""
+    ball = load(BALL)
+    image = gradient(ball, "ambient", component, boundary=False).numpy()
+    channel = "xyz".index(component)
+    seen = render(ball, boundary=False).numpy()[..., channel] > 0
+    assert 0.05 < seen.mean() < 0.95
+    np.testing.assert_allclose(image[..., channel], ALBEDO[channel] * seen, rtol=1e-12)
+    assert not np.delete(image, channel, axis=-1).any()
+
+
+def test_moving_ball_darkens_behind_and_brightens_before(load):
+    """The boundary term of a motion to the right: nothing inside, red on the right edge and blue on the left one."""
+    image = gradient(load(BALL), "spheres.sphere0.center", "x", 4, terms="boundary", resolution=(32, 24)).numpy().mean(-1)
+    assert image[:, :13].max() <= 0 > image[:, :13].min()
+    assert image[:, 19:].min() >= 0 < image[:, 19:].max()
+    assert not image[10:14, 14:18].any()
+
+
+@pytest.mark.parametrize(
+    ("name", "component", "tangent"),
+    [("camera.fov", None, [1]), ("spheres.sphere0.radius", None, [1]), ("lights.light0.position", "z", [0, 0, 1])],
+)
+def test_agrees_with_forward_mode_by_hand(load, precision, name, component, tangent):
+    room = load(SCENES["all"], precision)
+    options = {"spp": 4, "boundary": False, "max_depth": 3, "resolution": (8, 6)}
+    image = gradient(room, name, component, **options)
+    expected = jvp(lambda values: render(room.replace(values), **options), room.parameters(name), {name: tangent})
+    assert type(image) is type(render(room, **options))
+    assert not dr.grad_enabled(image)
+    assert abs(expected).max() > 0
+    np.testing.assert_allclose(image.numpy(), expected, rtol=1e-5, atol=1e-5 * abs(expected).max())
+
+
+def test_terms_add_up(load):
+    room = load(SCENES["all"])
+    options = {"max_depth": 2, "resolution": (16, 12)}
+    both, interior, boundary = (
+        gradient(room, "spheres.sphere0.radius", terms=terms, **options).numpy() for terms in ("both", "interior", "boundary")
+    )
+    assert min(abs(interior).max(), abs(boundary).max()) > 0.01
+    np.testing.assert_allclose(interior + boundary, both, atol=1e-9 * abs(both).max())
+
+
+def test_gradients_that_the_scene_carries_stay_out_of_it(load):
+    ball = load(BALL)
+    ambient = ball.parameters("ambient")
+    dr.enable_grad(ambient)
+    dr.set_grad(ambient["ambient"], as_type(ambient["ambient"], [5, 5, 5]))
+    image = gradient(ball.replace(ambient), "ambient", "y", boundary=False)
+    np.testing.assert_array_equal(image.numpy(), gradient(ball, "ambient", "y", boundary=False).numpy())
+    np.testing.assert_array_equal(np.ravel(dr.grad(ambient["ambient"]).numpy()), [5, 5, 5])
+
+
+def test_progress_counts_to_one_once(load):
+    seen = []
+    gradient(load(BALL), "camera.fov", boundary=False, progress=seen.append)
+    assert seen == [0.5, 1.0]
+
+
+@pytest.mark.parametrize("component", [None, "", "w", "xy", "X"])
+def test_vector_needs_a_component(load, component):
+    message = (
+        rf"^component: expected x, y or z \(red, green or blue of a colour\) for the vector 'ambient', got {component or 'none'}$"
+    )
+    with pytest.raises(ValueError, match=message):
+        gradient(load(BALL), "ambient", component)
+
+
+def test_number_has_no_component(load):
+    with pytest.raises(ValueError, match=r"^component: expected none for the number 'camera\.fov', got x$"):
+        gradient(load(BALL), "camera.fov", "x")
+
+
+def test_what_others_refuse(load):
+    with pytest.raises(KeyError, match=r"the scene has no parameter 'camera\.fow'; nearest: camera\.fov"):
+        gradient(load(BALL), "camera.fow")
+    with pytest.raises(ValueError, match=r"^spp: expected a perfect square"):
+        gradient(load(BALL), "camera.fov", spp=3)
