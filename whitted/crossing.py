@@ -7,7 +7,7 @@ import drjit as dr
 from drjit.llvm import ad
 
 from .camera import View, image_ray
-from .chain import Arrival, Path, strongest_difference, follow
+from .chain import Arrival, Path, follow, strongest_difference
 from .decisions import decide, mix
 from .derivative import Edge, level_vjp, pull_back
 from .events import NOTHING, classify, level_function
