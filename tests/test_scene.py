@@ -8,8 +8,7 @@ import pytest
 from drjit.llvm import ad
 from drjit.opt import Adam
 from samples import CAMERA, LIGHT, SCENES, plane, sphere
-
-from whitted.render import render
+from samples import render_plain as render
 
 TYPES = {"single": (ad.Float, ad.Array3f), "double": (ad.Float64, ad.Array3f64)}
 TEXT = (
