@@ -19,7 +19,7 @@ The method, on the regular grid of samples with spacing h:
    samples, more edges are in the segment, and the search goes on in what is left of it.
 3. The part of the segment's line that lies behind the crossing goes from one sample to the other: (c - middle) (f- - f+) h.
    Beside silhouettes, where f is a + b sqrt(distance) + ... and its derivative infinite, and likewise at the onset of
-   total reflection, other samples take the place of the two (`quadrature.py`). They are differentiated like any others.
+   total reflection, other samples are differentiated in place of the two (`quadrature.py`).
 4. Where a parameter moves, the crossing at c moves by -phi_theta / phi_c. The segment's line stands for a strip of width
    h, in which the edge is taken to be straight, and its area changes by h times that, of which each pixel gets the part
    of the edge that lies in it. phi_theta is the derivative along one chain of rays, in forward or in reverse mode.
@@ -29,7 +29,7 @@ The method, on the regular grid of samples with spacing h:
 6. A pixel with three labels or more around it has edges that meet or crowd. It is sampled anew, two or four times as
    finely, with the same method (adaptive subdivision: Whitted 1980).
 
-Its cost follows the number of edges: two trees and some chains of rays for each, and two to six trees more.
+Its cost follows the number of edges: four trees and some chains of rays for each.
 
 What it leaves to the samples, less of it the more samples a pixel has: edges of nodes that weigh less than FAINT / spp in
 the pixel (`render.py`), and where neighbours differ by less than CONTRAST / spp; edges of an object or a gap that lies
@@ -42,35 +42,36 @@ between samples, the closest to this, Y. Belhe et al. (2025); adaptive subdivisi
 Illumination Model for Shaded Display" (1980).
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from drjit.llvm import ad
 
 from . import probe, wavefront
-from .correction import Correction, Finer, Moving, Stretches, add, numbers_of
-from .crossing import Segment
+from .correction import Correction, Finer, Moving, Stretches, numbers_of
+from .crossing import Crossing, Segment
 from .edges import (
     Crossings,
     Pairs,
-    contrasting,
-    dense_pairs,
+    Samples,
+    band_samples,
+    crowded,
     deposit,
-    fine_pairs,
-    fine_positions,
+    fine_samples,
+    flips,
     joined,
     label_counts,
-    positions,
+    pairs_of,
+    stretches,
     take,
 )
-from .events import NOTHING, SILHOUETTE, TOTAL
+from .events import SILHOUETTE, TOTAL
 from .geometry import Array
-from .quadrature import Stretch
-from .region import LANES, SAMPLES, Band, chunks, columns, number
+from .region import LANES, SAMPLES, Band, aligned, chunks, number, rows
 
 # Edges between samples that differ less, relative to the brighter one and for one sample a pixel, are left to the samples
 CONTRAST = 1 / 32
-# Searches for edges in what is left of a segment; half as many with a single sample a pixel
+# Searches for edges in what is left of a segment; a third with a single sample a pixel
 ROUNDS = 6
 
 
@@ -88,131 +89,125 @@ class _Search:
     def __init__(self, band: Band, keep: bool) -> None:
         self.band, self.keep = band, keep
         self.contrast = CONTRAST / band.side**2
-        film = band.film(1)
-        self.flat, colors, labels = wavefront.labelled_image(band.shape, band.parameters, film, band.limits)
-        self.image = self.flat.numpy().reshape(-1, 3)
-        self.grid = labels.numpy().reshape((band.rows + 2) * band.side, -1)
-        self.colors = colors.numpy().reshape(-1, 3)
-        self.count, self.weights = self.grid.size, np.ones((0, 1))
-        self.finer: list[tuple[int, np.ndarray, int]] = []
-        self.result = Correction(band, np.empty(0))
+        self.flat, colors, labels = wavefront.labelled_image(band.shape, band.parameters, band.film(1), band.limits)
+        self.image = self.flat.numpy()
+        grid = labels.numpy().reshape((band.rows + 2) * band.side, -1)
+        self.samples = band_samples(grid, colors.numpy().reshape(-1, 3), band.side, band.first_row)
+        self.weights = np.ones(0)
+        self.result = Correction(band)
 
     def run(self) -> tuple[Array, Correction]:
-        band, image = self.band, self.image
-        pairs = dense_pairs(self.grid, self.colors, band.side, band.first_row)
-        touched = np.zeros(len(image) + 1, bool)
-        touched[pairs.pixel] = True
-        busy = np.flatnonzero(touched[:-1])
-        counts = label_counts(self.grid, self.colors, band.side, busy, self.contrast)
-        # With a single sample a pixel, three labels are often one edge that ends at another
-        meets, crowds = (busy[counts == 3], busy[counts > 3]) if band.side == 1 else (busy[:0], busy[counts > 2])
-        busy = np.concatenate([meets, crowds])
+        band, samples = self.band, self.samples
+        a, b = flips(samples)
+        busy = crowded(samples, a, b, len(self.image) // 3)
+        counts = label_counts(samples, busy, self.contrast)
+        if band.side == 1:
+            # Three labels are often one edge that ends at another
+            finer = [(busy[(counts > 2) & (counts < 5)], 2), (busy[counts == 5], 4)]
+        else:
+            finer = [(busy[counts > 2], band.side * (4 if band.side <= 4 else 2))]
+        fine = [fine_samples(*group, band.resolution[0], band.first_row) for group in finer]
+        traced = self.trace(fine)
 
         # Busy pixels are done apart
-        touched[:] = False
-        touched[busy] = True
-        pixel = np.where(touched[pairs.pixel], -1, pairs.pixel)
-        pairs = take(replace(pairs, pixel=pixel), np.flatnonzero((pixel >= 0).any(1)))
-        groups = [contrasting(pairs, self.contrast)]
-        for pixels, side in ((meets, 2), (crowds, band.side * (4 if band.side <= 4 else 2))):
-            for part in chunks(len(pixels), max(1, SAMPLES // (side + 2) ** 2)):
-                groups.append(self.refine(pixels[part], side))
-        pairs = joined(groups)
+        apart = np.zeros(len(self.image) // 3 + 1, bool)
+        for pixels, _ in finer:
+            apart[pixels] = True
+        busy, apart[-1] = np.flatnonzero(apart), True
+        kept = np.flatnonzero(~(apart.take(samples.pixel.take(a)) & apart.take(samples.pixel.take(b))))
+        regular = pairs_of(samples, a.take(kept), b.take(kept), self.contrast)
+        regular.pixel[apart.take(regular.pixel)] = -1
+        fine = self.refine(fine, traced)
+        pairs = joined([regular, *(pairs_of(group, *flips(group), CONTRAST / group.side**2) for group in fine)])
         if self.keep:
-            self.weights = np.ones((self.count, 1), number(band.real))
+            self.weights = np.ones(sum(group.labels.size for group in (samples, *fine)), number(band.real))
         for part in chunks(len(pairs), LANES):
             self.cross(pairs if len(pairs) <= LANES else take(pairs, np.arange(part.start, part.stop)))
 
         if self.keep:
-            self.keep_samples(busy)
+            self.keep_samples(busy, fine)
         return self.flat, self.result
 
-    def keep_samples(self, busy: np.ndarray) -> None:
-        """What is left of the samples, for the derivatives."""
-        band = self.band
-        side, columns = band.side, band.resolution[0]
-        regular = self.weights[: self.grid.size].reshape(self.grid.shape)[side:-side, side:-side]
-        regular = np.ascontiguousarray(regular)
-        regular.reshape(band.rows, side, columns, side).transpose(0, 2, 1, 3)[busy // columns, busy % columns] = 0
-        self.result.weights = regular.ravel()
-        for first, pixels, side in self.finer:
-            shape = len(pixels), side + 2, side + 2
-            weights = self.weights[first : first + len(pixels) * (side + 2) ** 2].reshape(shape)
-            self.result.finer.append(Finer(pixels, side, weights[:, 1:-1, 1:-1] / side**2))
+    def trace(self, fine: list[Samples]) -> list[tuple[Array, Array]]:
+        """Begin to trace finer samples: their radiance and labels."""
+        x, y = (np.concatenate(positions) for positions in zip(*((group.x, group.y) for group in fine), strict=True))
+        parts = chunks(len(x), SAMPLES)
+        return [probe.samples(*self.band.inputs, *self.band.lanes(x[part], y[part])) for part in parts]
 
-    def refine(self, pixels: np.ndarray, side: int) -> Pairs:
-        """Sample pixels anew, more finely."""
-        band = self.band
-        x, y = fine_positions(pixels, band.resolution[0], side, band.first_row)
-        color, label = probe.samples(*band.inputs, *band.lanes(x.ravel(), y.ravel()))
-        colors = columns(color, x.size)
-        self.image[pixels] = colors.reshape(*x.shape, 3)[:, 1:-1, 1:-1].mean((1, 2))
-        first, self.count = self.count, self.count + x.size
-        self.finer.append((first, pixels, side))
-        labels = label.numpy()[: x.size].reshape(x.shape)
-        return fine_pairs(labels, colors, x, y, pixels, first)
+    def refine(self, fine: list[Samples], traced: list[tuple[Array, Array]]) -> list[Samples]:
+        """The finer samples with radiance and labels; pixels get their mean."""
+        if not traced:
+            return []
+        colors = np.concatenate([rows(color, slice(None)) for color, _ in traced], 1).T
+        labels = np.concatenate([label.numpy() for _, label in traced])
+        result, number = [], self.samples.labels.size
+        for group in fine:
+            n, shape = group.labels.size, group.labels.shape
+            part = slice(number - self.samples.labels.size, number - self.samples.labels.size + n)
+            result.append(replace(group, labels=labels[part].reshape(shape), colors=colors[part], first=number))
+            mean = colors[part].reshape(*shape, 3)[:, 1:-1, 1:-1].mean((1, 2))
+            self.image.reshape(-1, 3)[group.pixel.reshape(shape)[:, 1, 1]] = mean
+            number += n
+        return result
+
+    def keep_samples(self, busy: np.ndarray, fine: list[Samples]) -> None:
+        """What is left of the samples, for the derivatives."""
+        band, labels = self.band, self.samples.labels
+        side, columns = band.side, band.resolution[0]
+        regular = np.ascontiguousarray(self.weights[: labels.size].reshape(labels.shape[1:])[side:-side, side:-side])
+        regular.reshape(band.rows, side, columns, side).transpose(0, 2, 1, 3)[busy // columns, busy % columns] = 0
+        self.result.weights = aligned(regular.ravel(), regular.size)
+        for group in fine:
+            inside = np.flatnonzero(group.pixel >= 0)
+            weight = self.weights[group.first + inside] / group.side**2
+            self.result.finer.append(Finer(group.x[inside], group.y[inside], group.pixel[inside], weight))
 
     def cross(self, pairs: Pairs) -> None:
         """Find the edges between pairs of samples, and correct the pixels."""
-        band = self.band
-        if not len(pairs):
-            return
-        found, edge = _find(band, pairs)
-        if not len(found):
-            return
-        stretched = found.stretched()
-        pixel = found.pairs.pixel
-        deposit(self.image, pixel, found.moved(stretched))
-        if stretched.any():
-            stretched = np.flatnonzero(stretched)
-            part = take(found, stretched)
-            numbers, taken = part.stretches()
-            add(self.image, part.pairs.pixel, probe.stretches(*band.inputs, Stretch(*band.lanes(*numbers.values()))))
-            away = taken * part.pairs.length[:, None] ** 2
-            deposit(self.image, part.pairs.pixel, -part.pairs.color * away[:, :, None])
+        groups, edges = [], []
+        for pair, lane, crossing in _rounds(self.band, pairs):
+            jump = rows(crossing.jump, lane)
+            moved = rows(crossing.moved, lane)
+            deposit(self.image, pairs.pixel.take(pair, 1), *(moved * channel for channel in jump))
             if self.keep:
-                self.result.stretches.append(Stretches(numbers, part.pairs.pixel))
-                deposit(self.weights, part.pairs.sample, -taken[:, :, None])
-        if self.keep:
-            self.result.edges.append(Moving(*positions(found.pairs, found.along), pixel, found.change(), edge))
+                along, weight, rising = (value.numpy().take(lane) for value in (crossing.along, crossing.weight, crossing.rising))
+                kind = crossing.edge.event.kind.numpy().take(lane)
+                singular = (kind == SILHOUETTE) | (kind == TOTAL)
+                groups.append(Crossings(pair, along, jump, rows(crossing.change, lane), weight, rising, singular))
+                edges.append(numbers_of(crossing.edge, lane))
+        if any(groups):
+            self.keep_edges(pairs, joined(groups), {name: np.concatenate([edge[name] for edge in edges]) for name in edges[0]})
+
+    def keep_edges(self, pairs: Pairs, found: Crossings, edge: dict[str, np.ndarray]) -> None:
+        """What edges do to the derivatives."""
+        numbers, pair, taken = stretches(found, pairs)
+        if len(pair):
+            here = take(pairs, pair)
+            self.result.stretches.append(Stretches(numbers, here.pixel))
+            deposit(self.weights, here.sample, -taken)
+        here = take(pairs, found.pair)
+        x = here.x + np.where(here.vertical, 0, found.along)
+        y = here.y + np.where(here.vertical, found.along, 0)
+        self.result.edges.append(Moving(x, y, here.pixel, found.change * (here.pixel >= 0), found.jump, edge))
 
 
-def _find(band: Band, pairs: Pairs) -> tuple[Crossings, dict[str, np.ndarray]]:
-    """Edges between pairs of samples, in the order of `Crossings`, and their paths and events."""
-    single = band.real is ad.Float
-    ulp = float(np.finfo(number(band.real)).eps) * max(band.resolution)
-    gaps = np.maximum(pairs.length * (2.0**-10 if single else 1e-6), 8 * ulp)
-    pair, start, length, labels = np.arange(len(pairs)), np.zeros(len(pairs)), pairs.length, pairs.label
-    groups: list[dict[str, np.ndarray]] = []
-    for _ in range(ROUNDS if band.side > 1 else ROUNDS // 2):
-        n, here, gap = len(pair), pairs if not groups else take(pairs, pair), gaps[pair]
-        segment = Segment(*band.lanes(*positions(here, start), here.vertical, length))
-        crossing, jump, label_before, label_behind = probe.crossings(*band.inputs, segment, *band.lanes(gap))
-        t, slope, across = (value.numpy()[:n] for value in (crossing.t, crossing.slope, crossing.across))
-        valid = crossing.edge.event.kind.numpy()[:n] != NOTHING
-        valid &= np.isfinite(t) & np.isfinite(slope) & np.isfinite(across) & (slope != 0)
-        along = start + np.where(valid, t, 0) * length
-        left_label, right_label = label_before.numpy()[:n], label_behind.numpy()[:n]
-        kept = np.flatnonzero(valid & (left_label != right_label))
-        numbers = {"pair": pair, "along": along, "slope": slope, "across": across}
-        group = {name: value[kept] for name, value in numbers.items()}
-        group["jump"] = columns(jump, n)[kept]
-        groups.append(group | numbers_of(crossing.edge, kept))
+def _rounds(band: Band, pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray, Crossing]]:
+    """Edges between pairs of samples, and then those in what is left of the segments: each one's pair, and its lane."""
+    pair, start, stop, ends = np.arange(len(pairs)), np.zeros(len(pairs)), pairs.length, pairs.label
+    line = pairs.x, pairs.y, pairs.vertical, pairs.length
+    for _ in range(ROUNDS if band.side > 1 else ROUNDS // 3):
+        n = len(pair)
+        if not n:
+            return
+        segment = Segment(*band.lanes(*(value.take(pair) for value in line), start, stop, *ends))
+        crossing = probe.crossings(*band.inputs, segment)
+        lane = np.flatnonzero(crossing.found.numpy()[:n])
+        yield pair.take(lane), lane, crossing
 
         # What is left of the segment on either side
-        stop = start + length
-        left = np.flatnonzero(valid & (left_label != labels[:, 0]) & (along - start > 2 * gap))
-        right = np.flatnonzero(valid & (right_label != labels[:, 1]) & (stop - along > 2 * gap))
-        ends = np.stack([labels[left, 0], left_label[left]], 1), np.stack([right_label[right], labels[right, 1]], 1)
-        length = np.concatenate([(along - gap - start)[left], (stop - along - gap)[right]])
-        start = np.concatenate([start[left], (along + gap)[right]])
-        pair, labels = np.concatenate([pair[left], pair[right]]), np.concatenate(ends)
-        if not len(pair):
-            break
-    table = {name: np.concatenate([group[name] for group in groups]) for name in groups[0]}
-    # By pair, then by distance, which is less than a pixel
-    order = np.argsort(table["pair"] + table["along"] / 2, kind="stable")
-    table = {name: value.take(order, 0) for name, value in table.items()}
-    pair, along, slope, across, jump = (table.pop(name) for name in ("pair", "along", "slope", "across", "jump"))
-    singular = (table["kind"] == SILHOUETTE) | (table["kind"] == TOTAL)
-    return Crossings(take(pairs, pair), pair, along, slope, across, jump, singular), table
+        left, right = (np.flatnonzero(value.numpy()[:n]) for value in (crossing.more_before, crossing.more_behind))
+        along, gap = crossing.along.numpy(), crossing.gap.numpy()
+        before, behind = crossing.label_before.numpy(), crossing.label_behind.numpy()
+        ends = np.stack([np.concatenate([ends[0, left], behind[right]]), np.concatenate([before[left], ends[1, right]])])
+        start, stop = np.concatenate([start[left], (along + gap)[right]]), np.concatenate([(along - gap)[left], stop[right]])
+        pair = np.concatenate([pair[left], pair[right]])

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
+from functools import partial
 
 import drjit as dr
 import numpy as np
@@ -9,30 +10,23 @@ import numpy as np
 from . import probe, wavefront
 from .chain import Path
 from .derivative import Edge
-from .edges import deposit, fine_positions
+from .edges import deposit, joined, take
 from .events import Event
 from .geometry import Array
 from .quadrature import Stretch
-from .region import LANES, Band, aligned, chunks, columns, lanes, number
+from .region import LANES, Band, aligned, chunks, lanes, number, rows
 
 TERMS = ("both", "interior", "boundary")
 
 
 @dataclass(frozen=True)
 class Finer:
-    """Pixels with finer samples."""
+    """Samples in pixels that were sampled anew."""
 
-    pixels: np.ndarray
-    side: int
-    weights: np.ndarray  # (N, side, side): what the samples still count for in their pixel
-
-    def parts(self, band: Band) -> Iterator[tuple[np.ndarray, ...]]:
-        """Positions, pixels and weights of no more samples than a kernel takes."""
-        for part in chunks(len(self.pixels), max(1, LANES // self.side**2)):
-            pixels = self.pixels[part]
-            x, y = fine_positions(pixels, band.resolution[0], self.side, band.first_row)
-            positions = x[:, 1:-1, 1:-1].ravel(), y[:, 1:-1, 1:-1].ravel()
-            yield *positions, np.repeat(pixels, self.side**2), self.weights[part].reshape(-1, 1)
+    x: np.ndarray
+    y: np.ndarray
+    pixel: np.ndarray
+    weight: np.ndarray  # what the sample counts for in its pixel
 
 
 @dataclass(frozen=True)
@@ -40,7 +34,7 @@ class Stretches:
     """Samples beside singular edges, by the fields of `quadrature.Stretch`."""
 
     numbers: dict[str, np.ndarray]
-    pixel: np.ndarray  # (N, 2)
+    pixel: np.ndarray  # (2, N)
 
 
 @dataclass(frozen=True)
@@ -49,8 +43,9 @@ class Moving:
 
     x: np.ndarray
     y: np.ndarray
-    pixel: np.ndarray  # (N, 2)
-    change: np.ndarray  # (N, 2, 3)
+    pixel: np.ndarray  # (2, N)
+    change: np.ndarray  # (2, N), in units of the jump
+    jump: np.ndarray  # (3, N)
     edge: dict[str, np.ndarray]
 
 
@@ -59,72 +54,74 @@ class Correction:
     """What makes a band's pixels those of its regular samples and edges, and not of the samples alone."""
 
     band: Band
-    weights: np.ndarray  # what the band's regular samples still count for, row by row of samples
+    weights: Array | None = None  # what the band's regular samples still count for, row by row of samples
     finer: list[Finer] = field(default_factory=list)
     stretches: list[Stretches] = field(default_factory=list)
     edges: list[Moving] = field(default_factory=list)
 
-    def sample_weights(self) -> Array | None:
-        """The regular samples' weights, if there are several in a pixel."""
-        return aligned(self.weights, len(self.weights)) if self.band.side > 1 else None
-
-    def weigh_pixels(self, image: np.ndarray) -> None:
-        """Multiply pixels by the weights of their only samples."""
-        if self.band.side == 1:
-            changed = np.flatnonzero(self.weights != 1)
-            image[changed] *= self.weights[changed, None]
+    def fine(self) -> Iterator[Finer]:
+        """The finer samples, no more at once than a kernel takes."""
+        if self.finer:
+            whole = joined(self.finer)
+            yield from (take(whole, np.arange(part.start, part.stop)) for part in chunks(len(whole.x), LANES))
 
     def tangent(self, wrt: dict, tangents: dict, terms: str) -> Array:
         """The pixels' derivative along the tangents of the parameters `wrt`."""
         band = self.band
-        image: np.ndarray = np.zeros((band.rows * band.resolution[0], 3), number(band.real))
         if terms != "boundary":
             inputs = band.shape, band.parameters, band.film(0), band.limits, wrt, tangents
-            image[:] = wavefront.image_jvp(*inputs, self.sample_weights()).numpy().reshape(-1, 3)
-            self.weigh_pixels(image)
-            for x, y, pixel, weight in (part for finer in self.finer for part in finer.parts(band)):
-                slope = probe.samples_jvp(*band.inputs, wrt, tangents, *band.lanes(x, y))
-                deposit(image, pixel, columns(slope, len(x)) * weight)
+            pixels = wavefront.image_jvp(*inputs, self.weights)
+            image = pixels.numpy()
+            for fine in self.fine():
+                slope = probe.samples_jvp(*band.inputs, wrt, tangents, *band.lanes(fine.x, fine.y))
+                deposit(image, fine.pixel, *(rows(slope, slice(len(fine.x))) * fine.weight))
             for stretches in self.stretches:
                 stretch = Stretch(*band.lanes(*stretches.numbers.values()))
-                add(image, stretches.pixel, probe.stretches_jvp(*band.inputs, wrt, tangents, stretch))
+                both = probe.stretches_jvp(*band.inputs, wrt, tangents, stretch)
+                for pixel, slope in zip(stretches.pixel, both, strict=True):
+                    deposit(image, pixel, *rows(slope, slice(len(pixel))))
+        else:
+            pixels = aligned(np.zeros(1, number(band.real)), band.rows * band.resolution[0] * 3)
+            image = pixels.numpy()
         if terms != "interior":
             for edges in self.edges:
                 x, y = band.lanes(edges.x, edges.y)
                 slope = probe.levels_jvp(*band.inputs, wrt, tangents, x, y, _edge(edges.edge)).numpy()[: len(edges.x)]
-                deposit(image, edges.pixel, edges.change * slope[:, None, None])
-        return aligned(image.ravel(), image.size)
+                deposit(image, edges.pixel, *(edges.change * (channel * slope) for channel in edges.jump))
+        return pixels
 
     def adjoint(self, wrt: dict, image: Array, terms: str) -> dict:
         """The derivatives of dot(image, pixels) by the parameters `wrt`."""
-        band, parts = self.band, []
+        band, calls = self.band, []
         seeds = image.numpy().reshape(-1, 3)
+        # All inputs come first: making one waits for the kernels before it
         if terms != "boundary":
-            plain = aligned(seeds.ravel(), seeds.size)
-            self.weigh_pixels(plain.numpy().reshape(-1, 3))
-            inputs = band.shape, band.parameters, band.film(0), band.limits, wrt, plain
-            parts.append(wavefront.image_vjp(*inputs, self.sample_weights()))
-            for x, y, pixel, weight in (part for finer in self.finer for part in finer.parts(band)):
-                parts.append(probe.samples_vjp(*band.inputs, wrt, band.color(seeds[pixel] * weight), *band.lanes(x, y)))
+            inputs = band.shape, band.parameters, band.film(0), band.limits, wrt, image
+            calls.append(partial(wavefront.image_vjp, *inputs, self.weights))
+            for fine in self.fine():
+                seed = band.color(_channels(seeds, fine.pixel) * fine.weight)
+                calls.append(partial(probe.samples_vjp, *band.inputs, wrt, seed, *band.lanes(fine.x, fine.y)))
             for stretches in self.stretches:
                 stretch = Stretch(*band.lanes(*stretches.numbers.values()))
-                both = (band.color(seeds[stretches.pixel[:, k]]) for k in (0, 1))
-                parts.append(probe.stretches_vjp(*band.inputs, wrt, stretch, *both))
+                both = (band.color(_channels(seeds, pixel)) for pixel in stretches.pixel)
+                calls.append(partial(probe.stretches_vjp, *band.inputs, wrt, stretch, *both))
         if terms != "interior":
             for edges in self.edges:
-                seed = (seeds[edges.pixel] * edges.change).sum((1, 2))
+                by_pixel = ((_channels(seeds, pixel) * edges.jump).sum(0) for pixel in edges.pixel)
+                seed = sum(change * value for change, value in zip(edges.change, by_pixel, strict=True))
                 seed, x, y = band.lanes(seed, edges.x, edges.y)
-                parts.append(probe.levels_vjp(*band.inputs, wrt, seed, x, y, _edge(edges.edge)))
+                calls.append(partial(probe.levels_vjp, *band.inputs, wrt, seed, x, y, _edge(edges.edge)))
+        parts = [call() for call in calls]
         return {name: sum((part[name] for part in parts), start=dr.zeros(type(value))) for name, value in wrt.items()}
 
 
-def add(image: np.ndarray, pixel: np.ndarray, both: tuple[Array, Array]) -> None:
-    """Add to the pixels of a and of b."""
-    deposit(image, pixel, np.stack([columns(value, len(pixel)) for value in both], 1))
+def _channels(image: np.ndarray, pixel: np.ndarray) -> np.ndarray:
+    """The channels of an image's pixels."""
+    return np.stack([image[:, channel].take(pixel) for channel in range(3)])
 
 
 def _edge(numbers: dict[str, np.ndarray]) -> Edge:
-    """The Dr.Jit arrays of `_numbers`."""
+    """The Dr.Jit arrays of `numbers_of`."""
     arrays = {name: lanes(value) for name, value in numbers.items()}
     path, event = ({f.name: arrays[f.name] for f in fields(kind)} for kind in (Path, Event))
     return Edge(Path(**path), Event(**event))

@@ -1,7 +1,8 @@
-"""Where an edge crosses the segment between two neighbouring samples, and how steeply its level function falls there."""
+"""Where an edge crosses the segment between two neighbouring samples, and what of it each sample's cell has."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
 from drjit.llvm import ad
@@ -14,48 +15,125 @@ from .events import NOTHING, classify, level_function
 from .geometry import Array, Ray
 from .scene import Scene, closest_hit
 from .surface import surface
-from .trace import Limits, children
+from .trace import Limits, children, labelled_radiance
 
 # Halvings of a segment before its event is told from what lies at its ends, and most steps to the level function's root
-HALVINGS = 3
+HALVINGS = 2
 STEPS = 20
 
 
 @dataclass
 class Segment:
-    """From a sample to its right or lower neighbour (not frozen: Dr.Jit's loops write to their state)."""
+    """What is to be searched of the line from a sample a to its right or lower neighbour b.
 
-    x: Array  # image position of the first sample, in pixels
+    Distances are from a, in pixels. (Not frozen: Dr.Jit's loops write to their state.)
+    """
+
+    x: Array  # image position of a
     y: Array
-    vertical: Array  # Bool: the other sample is below, not to the right
-    length: Array  # in pixels
+    vertical: Array  # Bool: b is below, not to the right
+    length: Array  # from a to b
+    start: Array
+    stop: Array
+    label_start: Array  # UInt32: the labels at start and stop
+    label_stop: Array
 
-    def at(self, t: Array) -> tuple[Array, Array]:
-        """The image position at a fraction of the way."""
-        t = t * self.length
-        return self.x + dr.select(self.vertical, 0, t), self.y + dr.select(self.vertical, t, 0)
+    def at(self, along: Array) -> tuple[Array, Array]:
+        """The image position at a distance from a."""
+        return self.x + dr.select(self.vertical, 0, along), self.y + dr.select(self.vertical, along, 0)
 
 
 @dataclass
 class Crossing:
-    t: Array  # where, as a fraction of the segment
-    slope: Array  # of the level function along the segment, per pixel
-    across: Array  # the same in the image's other direction
+    """An edge between a and b. What it moves from one sample's cell to the other's is a multiple of its jump."""
+
+    found: Array  # Bool
+    along: Array  # distance from a
+    moved: Array  # Array2f: what the cells of a and of b gain as the edge is not midway, and at an angle to the segment
+    change: Array  # Array2f: what they gain as the level function grows
+    weight: Array  # the share of the edge that pairs of this direction account for; those of the other have the rest
+    rising: Array  # Bool: the level function rises from a to b
+    jump: Array  # Array3f: radiance right before the edge less that right behind it
+    label_before: Array  # UInt32: the labels there
+    label_behind: Array
+    more_before: Array  # Bool: another edge is between start and this one
+    more_behind: Array
+    gap: Array  # from the edge to right before and right behind, in pixels
     edge: Edge
 
 
-def locate(scene: Scene, camera: View, size: Array, segment: Segment, limits: Limits) -> Crossing:
-    """Find an edge between two samples of different labels, at the node of the largest weight that has one.
+def cross(scene: Scene, camera: View, size: Array, segment: Segment, limits: Limits) -> Crossing:
+    """Find an edge in a segment, and look at both its sides."""
+    along, slope, across, edge = _locate(scene, camera, size, segment, limits)
+    single = type(along) is ad.Float
+    valid = (edge.event.kind != NOTHING) & dr.isfinite(along) & dr.isfinite(slope) & dr.isfinite(across) & (slope != 0)
+    ulp = (2.0**-23 if single else 2.0**-52) * dr.fmax(size.x, size.y)
+    gap = dr.fmax(segment.length * (2.0**-10 if single else 1e-6), 8 * ulp)
+    color, label = _both_sides(
+        scene, lambda k: image_ray(camera, size, *segment.at(along + dr.select(k == 0, -gap, gap))), limits
+    )
+    found = valid & (label[0] != label[1])
+
+    # Scaled, as fourth powers leave the range of single precision
+    largest = dr.fmax(dr.abs(slope), dr.abs(across))
+    u, v = dr.square(slope / largest), dr.square(across / largest)
+    weight = dr.select(valid, u * u / dr.fma(u, u, v * v), 0)
+    # How far the edge moves along the pair from one line of samples to the next, halved
+    tilt = segment.length / 2 * dr.fmin(dr.fmax(dr.abs(across / slope), 1e-6), 1)
+    past = along - segment.length / 2
+    straight = dr.fmin(past, 0)
+    a = dr.select(dr.abs(past) < tilt, -(tilt - past) * (tilt - past) / (4 * tilt), straight)
+    vector = type(size)
+    moved = vector(a, past - a) * (weight * segment.length)
+    share = dr.fmin(dr.fmax(0.5 - past / (2 * tilt), 0), 1)
+    change = vector(share, 1 - share) * (-segment.length * weight / slope)
+    return Crossing(
+        found=found,
+        along=along,
+        moved=dr.select(found, moved, 0),
+        change=dr.select(found, change, 0),
+        weight=weight,
+        rising=slope > 0,
+        jump=dr.select(found, color[0] - color[1], 0),
+        label_before=label[0],
+        label_behind=label[1],
+        more_before=valid & (label[0] != segment.label_start) & (along - segment.start > 2 * gap),
+        more_behind=valid & (label[1] != segment.label_stop) & (segment.stop - along > 2 * gap),
+        gap=gap,
+        edge=edge,
+    )
+
+
+def _both_sides(scene: Scene, ray_at: Callable[[Array], Ray], limits: Limits) -> tuple[tuple, tuple]:
+    """Radiance and labels of two rays, numbers 0 and 1."""
+
+    def look(k, colors, labels):
+        color, label = labelled_radiance(scene, ray_at(k), limits)
+        colors = dr.select(k == 0, color, colors[0]), dr.select(k == 0, colors[1], color)
+        labels = dr.select(k == 0, label, labels[0]), dr.select(k == 0, labels[1], label)
+        return k + 1, colors, labels
+
+    width = dr.width(ray_at(ad.Int(0)))
+    color, label = dr.zeros(type(scene.background), width), dr.zeros(ad.UInt32, width)
+    state: Any = dr.zeros(ad.Int, width), (color, color + 0), (label, label + 0)
+    return dr.while_loop(state, lambda k, *_: k < 2, look, mode="symbolic", label="sides")[1:]
+
+
+def _locate(scene: Scene, camera: View, size: Array, segment: Segment, limits: Limits) -> tuple[Array, Array, Array, Edge]:
+    """Find an edge in a segment, at the node of the largest weight that has one.
 
     Where none is found, for example because a second edge hides it, the event is `NOTHING`.
+
+    Returns:
+        Its distance from a, and the slopes of its level function along the segment and across it, per pixel.
     """
 
-    def ray_at(t: Array) -> Ray:
-        return image_ray(camera, size, *segment.at(t))
+    def ray_at(along: Array) -> Ray:
+        return image_ray(camera, size, *segment.at(along))
 
-    zero = dr.zeros(type(segment.x), dr.width(segment.x))
-    path, a, b, found = strongest_difference(scene, ray_at(zero), ray_at(zero + 1), limits)
-    low, high, a, b = _bisect(scene, ray_at, path, a, b, limits)
+    start, stop = segment.start, segment.stop
+    path, a, b, found = strongest_difference(scene, ray_at(start), ray_at(stop), limits)
+    low, high, a, b = _bisect(scene, ray_at, path, start, stop, a, b, limits)
     event = classify(scene, a, b, path.bounces + 1, limits)
 
     def value(arrival: Arrival) -> Array:
@@ -63,21 +141,24 @@ def locate(scene: Scene, camera: View, size: Array, segment: Segment, limits: Li
         return level + faint * arrival.weight
 
     ends = value(a), value(b)
-    t = _root(lambda t: value(follow(scene, ray_at(t), path, limits)), low, high, *ends)
-    event.kind = dr.select(found & (ends[0] * ends[1] < 0) & (t >= 0) & (t <= 1), event.kind, NOTHING)
+    along = _root(lambda along: value(follow(scene, ray_at(along), path, limits)), low, high, *ends)
+    event.kind = dr.select(found & (ends[0] * ends[1] < 0) & (along >= start) & (along <= stop), event.kind, NOTHING)
     edge = Edge(path, event)
 
     # The level function's slope in the image
-    x, y = dr.detach(segment.at(t))
+    x, y = dr.detach(segment.at(along))
     dr.enable_grad(x, y)
     ray = image_ray(camera, size, x, y)
-    _, o, d = level_vjp(scene, {}, {}, dr.detach(ray), zero + 1, limits, edge)
-    pull_back(dr.dot(ray.o, o) + dr.dot(ray.d, d), dr.ones(type(t)))
+    one = dr.ones(type(along), dr.width(along))
+    _, o, d = level_vjp(scene, {}, {}, dr.detach(ray), one, limits, edge)
+    pull_back(dr.dot(ray.o, o) + dr.dot(ray.d, d), one)
     right, down = dr.grad(x), dr.grad(y)
-    return Crossing(t, dr.select(segment.vertical, down, right), dr.select(segment.vertical, right, down), edge)
+    return along, dr.select(segment.vertical, down, right), dr.select(segment.vertical, right, down), edge
 
 
-def _bisect(scene: Scene, ray_at: Callable[[Array], Ray], path: Path, a: Arrival, b: Arrival, limits: Limits) -> tuple:
+def _bisect(
+    scene: Scene, ray_at: Callable[[Array], Ray], path: Path, low: Array, high: Array, a: Arrival, b: Arrival, limits: Limits
+) -> tuple:
     """Close in on the first flip of the node's decisions: a smaller segment, and the arrivals at its ends."""
 
     def label(arrival: Arrival) -> Array:
@@ -94,14 +175,13 @@ def _bisect(scene: Scene, ray_at: Callable[[Array], Ray], path: Path, a: Arrival
         low, high = dr.select(same, middle, low), dr.select(same, high, middle)
         return i + 1, low, high, dr.select(same, there, a), dr.select(same, b, there)
 
-    zero = dr.zeros(type(a.weight), dr.width(a.weight))
-    state = dr.zeros(type(a.ray.source), dr.width(a.weight)), zero, zero + 1, a, b
+    state = dr.zeros(type(a.ray.source), dr.width(a.weight)), low, high, a, b
     return dr.while_loop(state, lambda i, *_: i < HALVINGS, halve, mode="symbolic", label="bisect")[1:]
 
 
 def _root(function: Callable[[Array], Array], a: Array, b: Array, at_a: Array, at_b: Array) -> Array:
     """The root of a function between a and b, by the Pegasus method (M. Dowell, P. Jarratt, BIT 12, 1972)."""
-    near = 2.0**-12 if type(a) is ad.Float else 2.0**-26
+    near = (b - a) * (2.0**-9 if type(a) is ad.Float else 2.0**-23)
 
     def step(i, a, b, at_a, at_b, active):
         c = b - at_b * (b - a) / dr.select(at_b == at_a, 1, at_b - at_a)

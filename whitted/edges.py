@@ -1,12 +1,13 @@
 """The bookkeeping of edges on a grid of samples: which samples are neighbours across one, and what it moves where.
 
 All in NumPy, on the few samples that are concerned, and in an order that does not depend on threads. A band's pixels
-are numbered row by row; image positions and lengths are in pixels.
+are numbered row by row; image positions and lengths are in pixels. The last axis of a table's columns counts its rows,
+as NumPy is slow on a short last axis.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, is_dataclass
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -20,13 +21,28 @@ def _columns(table: Any) -> list:
 
 def take(table: Table, which: np.ndarray) -> Table:
     """Some rows of a dataclass of arrays, by number."""
-    return type(table)(*(take(v, which) if is_dataclass(v) else v.take(which, 0) for v in _columns(table)))
+    return type(table)(*(column.take(which, -1) for column in _columns(table)))
 
 
 def joined(tables: Sequence[Table]) -> Table:
     """The rows of several dataclasses of arrays."""
     columns = zip(*(_columns(table) for table in tables), strict=True)
-    return type(tables[0])(*(joined(c) if is_dataclass(c[0]) else np.concatenate(c) for c in columns))
+    return type(tables[0])(*(np.concatenate(column, -1) for column in columns))
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples on one or more grids of the same shape; what is not in that shape has one row for each sample."""
+
+    labels: np.ndarray  # (grids, rows, columns)
+    colors: np.ndarray  # (samples, 3)
+    x: np.ndarray  # image position
+    y: np.ndarray
+    pixel: np.ndarray  # that a sample counts for, -1 in the margin
+    margin: int  # samples around a grid
+    side: int  # samples along a pixel's side
+    first: int  # number of the first sample
+    top: int  # to be added to y
 
 
 @dataclass(frozen=True)
@@ -37,193 +53,171 @@ class Pairs:
     y: np.ndarray
     vertical: np.ndarray  # bool
     length: np.ndarray  # from a to b, in pixels
-    sample: np.ndarray  # (N, 2): numbers of a and b
-    label: np.ndarray  # (N, 2)
-    color: np.ndarray  # (N, 2, 3)
-    pixel: np.ndarray  # (N, 2): the pixels that a and b belong to, -1 where those are not to be corrected
-    alone: np.ndarray  # (N, 2) bool: no edge is on the other side of a, of b
+    sample: np.ndarray  # (2, N): numbers of a and b
+    label: np.ndarray  # (2, N)
+    pixel: np.ndarray  # (2, N): the pixels that a and b belong to, -1 where those are not to be corrected
+    alone: np.ndarray  # (2, N) bool: no edge is on the other side of a, of b
 
     def __len__(self) -> int:
         return len(self.x)
 
 
-def dense_pairs(labels: np.ndarray, colors: np.ndarray, side: int, first_row: int) -> Pairs:
-    """The pairs of a band with a margin of one pixel, whose labels lie row by row of samples; samples are numbered so."""
-    pixels, xs, ys = _grid(labels.shape, side)
-    parts = []
-    for vertical, step in ((False, 1), (True, labels.shape[1])):
-        flips = labels.ravel()[step:] != labels.ravel()[:-step]
-        a = np.flatnonzero(flips)
-        pixel = np.stack([pixels.take(a), pixels.take(a + step)], 1)
-        # Not those in the margin, among which are those from the end of a row to the next one's start
-        kept = np.flatnonzero(pixel.max(1) >= 0)
-        a, pixel = a.take(kept), pixel.take(kept, 0)
-        sample = np.stack([a, a + step], 1)
-        alone = ~np.stack([flips.take(a - step, mode="clip"), flips.take(a + step, mode="clip")], 1)
-        length, label = np.full(len(a), 1 / side), labels.ravel().take(sample)
-        x, y = xs.take(a), ys.take(a) + first_row
-        parts.append(Pairs(x, y, np.full(len(a), vertical), length, sample, label, colors.take(sample, 0), pixel, alone))
-    return joined(parts)
+def band_samples(labels: np.ndarray, colors: np.ndarray, side: int, first_row: int) -> Samples:
+    """The samples of a band with a margin of one pixel, row by row."""
+    return Samples(labels[None], colors, *_band_grid(labels.shape, side), side, side, 0, first_row)
 
 
 @lru_cache(maxsize=2)
-def _grid(shape: tuple[int, int], side: int) -> tuple[np.ndarray, ...]:
-    """For each sample of a band with a margin its pixel, -1 in the margin, and its position."""
+def _band_grid(shape: tuple[int, int], side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """For each sample of a band with a margin its position and its pixel."""
     rows, columns = shape[0] // side - 2, shape[1] // side - 2
     j, i = np.divmod(np.arange(shape[0] * shape[1]), shape[1])
     x, y = i // side - 1, j // side - 1
     pixel = np.where((x >= 0) & (y >= 0) & (x < columns) & (y < rows), y * columns + x, -1)
-    return pixel.astype(np.int32), (i + 0.5) / side - 1, (j + 0.5) / side - 1
+    return (i + 0.5) / side - 1, (j + 0.5) / side - 1, pixel.astype(np.int32)
 
 
-def contrasting(pairs: Pairs, least: float) -> Pairs:
-    """The pairs whose samples differ by more than a part of the brighter one."""
-    a, b = pairs.color[:, 0], pairs.color[:, 1]
-    flat = np.abs(a - b).max(1) < least * np.maximum(a, b).max(1)
-    return take(pairs, np.flatnonzero(~flat))
-
-
-def label_counts(labels: np.ndarray, colors: np.ndarray, side: int, pixels: np.ndarray, least: float) -> np.ndarray:
-    """How many labels the samples of a pixel and its neighbours' nearest have; 1 where their contrast is too small."""
-    stride = labels.shape[1]
-    columns = stride // side - 2
-    across, inner = np.meshgrid(np.arange(-1, side + 1), np.arange(side))
-    window = np.unique(np.concatenate([inner * stride + across, across * stride + inner]))
-    start = (pixels // columns + 1) * side * stride + (pixels % columns + 1) * side
-    near = start[:, None] + window
-    around = np.sort(labels.ravel()[near], 1)
-    counts = 1 + (around[:, 1:] != around[:, :-1]).sum(1)
-    several = np.flatnonzero(counts > 2)
-    seen = colors.take(near[several], 0)
-    high = seen.max(1)
-    counts[several[(high - seen.min(1)).max(1) < least * high.max(1)]] = 1
-    return counts
-
-
-def fine_positions(pixels: np.ndarray, columns: int, side: int, first_row: int) -> tuple[np.ndarray, np.ndarray]:
-    """Positions of side * side samples in each pixel and of a ring of samples around it: shape (N, side + 2, side + 2)."""
+def fine_samples(pixels: np.ndarray, side: int, columns: int, first_row: int) -> Samples:
+    """side * side samples in each pixel and a ring of samples around it, not yet traced."""
     offset = (np.arange(-1, side + 1) + 0.5) / side
     x = (pixels % columns)[:, None, None] + offset + 0 * offset[:, None]
     y = (pixels // columns + first_row)[:, None, None] + offset[:, None] + 0 * offset
-    return x, y
+    pixel = np.full(x.shape, -1)
+    pixel[:, 1:-1, 1:-1] = pixels[:, None, None]
+    return Samples(np.empty(x.shape, np.uint32), np.empty((0, 3)), x.ravel(), y.ravel(), pixel.ravel(), 1, side, 0, 0)
 
 
-def fine_pairs(labels: np.ndarray, colors: np.ndarray, x: np.ndarray, y: np.ndarray, pixels: np.ndarray, first: int) -> Pairs:
-    """The pairs of pixels with `fine_positions`, whose samples are numbered from `first` on."""
-    side = labels.shape[1] - 2
-    parts = []
-    for vertical in (False, True):
-        turned = labels.transpose(0, 2, 1) if vertical else labels
-        flips = turned[:, 1:-1, 1:] != turned[:, 1:-1, :-1]
-        n, line, k = np.nonzero(flips)
-        alone = np.stack([~flips[n, line, np.maximum(k - 1, 0)], ~flips[n, line, np.minimum(k + 1, side)]], 1)
-        pixel = np.stack([np.where(k > 0, pixels[n], -1), np.where(k < side, pixels[n], -1)], 1)
-        j, i = (k, line + 1) if vertical else (line + 1, k)
-        at = (n * (side + 2) + j) * (side + 2) + i
-        sample = at[:, None] + np.array([0, side + 2 if vertical else 1])
-        x_a, y_a, length, label = x.ravel()[at], y.ravel()[at], np.full(len(n), 1 / side), labels.ravel()[sample]
-        color = colors.take(sample, 0)
-        parts.append(Pairs(x_a, y_a, np.full(len(n), vertical), length, first + sample, label, color, pixel, alone))
-    return joined(parts)
+def flips(samples: Samples) -> tuple[np.ndarray, np.ndarray]:
+    """Places of neighbours a and b with different labels, of which one at least is not in the margin."""
+    grids, m = samples.labels, samples.margin
+    _, rows, columns = grids.shape
+    across = grids[:, m:-m, m - 1 : -m] != grids[:, m:-m, m : columns - m + 1]
+    down = grids[:, m - 1 : -m, m:-m] != grids[:, m : rows - m + 1, m:-m]
+    found = []
+    for flip, i, j in ((across, m - 1, m), (down, m, m - 1)):
+        line, column = np.divmod(np.flatnonzero(flip), flip.shape[2])
+        grid, row = np.divmod(line, flip.shape[1])
+        found.append((grid * rows + row + j) * columns + column + i)
+    step = np.repeat([1, columns], [len(places) for places in found])
+    a = np.concatenate(found)
+    return a, a + step
+
+
+def crowded(samples: Samples, a: np.ndarray, b: np.ndarray, pixels: int) -> np.ndarray:
+    """The pixels, of so many, that two pairs or more have a sample in or next to."""
+    touched = np.bincount(samples.pixel.take(np.concatenate([a, b])) + 1, minlength=pixels + 1)
+    return np.flatnonzero(touched[1:] > 1)
+
+
+def label_counts(samples: Samples, pixels: np.ndarray, least: float) -> np.ndarray:
+    """How many labels the samples of a band's pixel and its neighbours' nearest have; 1 where their contrast is too small."""
+    side, stride = samples.side, samples.labels.shape[2]
+    columns = stride // side - 2
+    start = (pixels // columns + 1) * side * stride + (pixels % columns + 1) * side
+    near = start[:, None] + _window(side, stride)
+    around = np.sort(samples.labels.ravel().take(near), 1)
+    counts = 1 + (around[:, 1:] != around[:, :-1]).sum(1)
+    several = np.flatnonzero(counts > 2)
+    seen = samples.colors.take(near[several], 0)
+    high = seen.max(1)
+    counts[several[_largest(high - seen.min(1)) < least * _largest(high)]] = 1
+    return counts
+
+
+def _largest(colors: np.ndarray) -> np.ndarray:
+    """The largest of the channels of colors, shape (..., 3)."""
+    return np.maximum(np.maximum(colors[..., 0], colors[..., 1]), colors[..., 2])
+
+
+@lru_cache
+def _window(side: int, stride: int) -> np.ndarray:
+    """Places of a pixel's samples and its neighbours' nearest, from the pixel's first sample, in rows of `stride` samples."""
+    across, inner = np.meshgrid(np.arange(-1, side + 1), np.arange(side))
+    return np.unique(np.concatenate([inner * stride + across, across * stride + inner]))
+
+
+def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, least: float) -> Pairs:
+    """The neighbours that differ by more than a part of the brighter one, those across the same edge together."""
+    one, other = samples.colors.take(a, 0), samples.colors.take(b, 0)
+    kept = np.flatnonzero(_largest(np.abs(one - other)) > least * _largest(np.maximum(one, other)))
+    labels = samples.labels.ravel()
+    # Sixteen bits of a hash, which NumPy sorts in linear time
+    order = kept[np.argsort((labels.take(a[kept]) + labels.take(b[kept])).astype(np.uint16), kind="stable")]
+    a, b = a[order], b[order]
+    sample, step = np.stack([a, b]), b - a
+    label = labels.take(sample)
+    beyond = labels.take(np.stack([a - step, b + step]), mode="clip")
+    x, y, pixel = samples.x.take(a), samples.y.take(a) + samples.top, samples.pixel.take(sample)
+    length = np.full(len(a), 1 / samples.side)
+    return Pairs(x, y, step > 1, length, sample + samples.first, label, pixel, beyond == label)
 
 
 @dataclass(frozen=True)
 class Crossings:
-    """Edges that cross pairs, in the order of the pairs and of the way from a to b."""
+    """Edges that cross pairs."""
 
-    pairs: Pairs  # each crossing's pair, as often as it has crossings
     pair: np.ndarray  # the pair's number
     along: np.ndarray  # distance from a
-    slope: np.ndarray  # of the level function from a to b, per pixel
-    across: np.ndarray  # the same in the image's other direction
-    jump: np.ndarray  # (N, 3): radiance before the edge less that behind it
+    jump: np.ndarray  # (3, N): radiance before the edge less that behind it
+    change: np.ndarray  # (2, N): how much more of it the cells of a and of b have as the level function grows
+    weight: np.ndarray  # the share of the edge that pairs of this direction account for
+    rising: np.ndarray  # bool: the level function rises from a to b
     singular: np.ndarray  # bool: near the edge radiance changes like the square root of the distance
 
     def __len__(self) -> int:
         return len(self.pair)
 
-    @cached_property
-    def weight(self) -> np.ndarray:
-        """The share of the edge that pairs of this direction account for; those of the other have the rest."""
-        # Scaled, as fourth powers leave the range of single precision
-        u, v = np.abs(self.slope), np.abs(self.across)
-        largest = np.maximum(u, v)
-        u, v = (u / largest) ** 4, (v / largest) ** 4
-        return u / (u + v)
 
-    @cached_property
-    def tilt(self) -> np.ndarray:
-        """How far the edge moves along the pair from one line of samples to the next, halved."""
-        return np.clip(np.abs(self.across / self.slope), 1e-6, 1) * self.pairs.length / 2
+def stretches(crossings: Crossings, pairs: Pairs) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
+    """The lines to sample anew, which are those of pairs with a singular edge.
 
-    def change(self) -> np.ndarray:
-        """(N, 2, 3): how the pixels of a and of b change with the level function at the edge."""
-        a = np.clip(0.5 - (self.along - self.pairs.length / 2) / (2 * self.tilt), 0, 1)
-        area = -self.pairs.length * self.weight / self.slope
-        share = np.stack([a, 1 - a], 1) * (area[:, None] * (self.pairs.pixel >= 0))
-        return share[:, :, None] * self.jump[:, None]
+    A stretch goes halfway to the next crossing, or to the end of a sample's cell.
 
-    def moved(self, stretched: np.ndarray) -> np.ndarray:
-        """(N, 2, 3): what the edge adds to the pixels of a and of b because it is not midway, and at an angle to the pair.
-
-        Args:
-            stretched: bool, the first of the two is left to `quadrature.Stretch`.
-        """
-        past, r = self.along - self.pairs.length / 2, self.tilt
-        straight = np.minimum(past, 0)
-        a = np.where(np.abs(past) < r, -((r - past) ** 2) / (4 * r), straight)
-        both = np.stack([a - np.where(stretched, straight, 0), np.where(stretched, straight, past) - a], 1)
-        return (both * (self.weight * self.pairs.length)[:, None])[:, :, None] * self.jump[:, None]
-
-    def stretched(self) -> np.ndarray:
-        """Whether a pair has a singular edge, for each of its crossings."""
-        first = self._first
-        return np.repeat(np.logical_or.reduceat(self.singular, first), np.diff(first, append=len(self)))
-
-    @cached_property
-    def _first(self) -> np.ndarray:
-        """The first crossing of each pair."""
-        return np.flatnonzero(np.diff(self.pair, prepend=-1))
-
-    def stretches(self) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """The fields of `quadrature.Stretch`, and (N, 2) what they take away from the samples a and b, as parts of those.
-
-        A stretch goes halfway to the next crossing, or to the end of a sample's cell.
-        """
-        pairs, c, h = self.pairs, self.along, self.pairs.length
-        begins = np.zeros(len(self), bool)
-        begins[self._first] = True
-        ends = np.roll(begins, -1)
-        # Where another edge is on the other side of a sample, its cell ends at the sample
-        before, behind = np.where(pairs.alone[:, 0], h / 2, 0), np.where(pairs.alone[:, 1], h / 2, 0)
-        # All crossings of a pair share one weight, so that its samples are taken away as a whole
-        count = np.diff(self._first, append=len(self))
-        share = np.repeat(np.add.reduceat(self.weight, self._first) / count, count)
-        fields = {
-            "x": pairs.x,
-            "y": pairs.y,
-            "vertical": pairs.vertical,
-            "length": h,
-            "edge": c,
-            "start": np.where(begins, -before, (c + np.roll(c, 1)) / 2),
-            "stop": np.where(ends, h + behind, (c + np.roll(c, -1)) / 2),
-            "rooted": self.slope > 0,
-            "weight_a": np.where(pairs.pixel[:, 0] >= 0, share * h, 0),
-            "weight_b": np.where(pairs.pixel[:, 1] >= 0, share * h, 0),
-        }
-        taken = np.stack([np.where(begins, 0.5 + before / h, 0), np.where(ends, 0.5 + behind / h, 0)], 1)
-        return fields, taken * share[:, None] * (pairs.pixel >= 0)
+    Returns:
+        The fields of `quadrature.Stretch`, each one's pair, and (2, N) what they take away from the samples a and b, as
+        parts of those.
+    """
+    singular = np.zeros(len(pairs), bool)
+    singular[crossings.pair[crossings.singular]] = True
+    found = take(crossings, np.flatnonzero(singular[crossings.pair]))
+    # By pair, then by distance, which is less than a pixel
+    found = take(found, np.argsort(found.pair + found.along / 2, kind="stable"))
+    pair, c = found.pair, found.along
+    here = take(pairs, pair)
+    h = here.length
+    begins = np.diff(pair, prepend=-1) != 0
+    ends = np.roll(begins, -1)
+    # Where another edge is on the other side of a sample, its cell ends at the sample
+    before, behind = np.where(here.alone[0], h / 2, 0), np.where(here.alone[1], h / 2, 0)
+    # All crossings of a pair share one weight, so that its samples are taken away as a whole
+    first = np.flatnonzero(begins)
+    count = np.diff(first, append=len(pair))
+    share = np.repeat(np.add.reduceat(found.weight, first) / count, count)
+    fields = {
+        "x": here.x,
+        "y": here.y,
+        "vertical": here.vertical,
+        "length": h,
+        "edge": c,
+        "start": np.where(begins, -before, (c + np.roll(c, 1)) / 2),
+        "stop": np.where(ends, h + behind, (c + np.roll(c, -1)) / 2),
+        "rooted": found.rising,
+        "weight_a": np.where(here.pixel[0] >= 0, share * h, 0),
+        "weight_b": np.where(here.pixel[1] >= 0, share * h, 0),
+    }
+    taken = np.stack([np.where(begins, 0.5 + before / h, 0), np.where(ends, 0.5 + behind / h, 0)])
+    return fields, pair, taken * share * (here.pixel >= 0)
 
 
-def positions(pairs: Pairs, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Image positions at distances from a."""
-    return pairs.x + np.where(pairs.vertical, 0, along), pairs.y + np.where(pairs.vertical, along, 0)
+def deposit(image: np.ndarray, pixel: np.ndarray, *channels: np.ndarray) -> None:
+    """Add to an image's pixels, in order; pixel -1 takes none.
 
-
-def deposit(image: np.ndarray, pixel: np.ndarray, value: np.ndarray) -> None:
-    """Add values, shape (..., channels), to pixels, (...), of an image, (pixels, channels), in order; pixel -1 takes none."""
-    channels = image.shape[1]
+    Args:
+        image: flat, its channels interleaved.
+        pixel: any shape.
+        channels: the values of each channel, in the shape of `pixel`.
+    """
     kept = np.flatnonzero(pixel >= 0)
-    index = pixel.take(kept)[:, None] * channels + np.arange(channels)
-    values = value.reshape(-1, channels).take(kept, 0).astype(image.dtype, copy=False)
-    np.add.at(image.reshape(-1), index.ravel(), values.ravel())
+    place = pixel.take(kept).astype(np.intp, copy=False) * len(channels)
+    for channel, values in enumerate(channels):
+        np.add.at(image, place + channel, values.take(kept).astype(image.dtype, copy=False))

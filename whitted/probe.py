@@ -4,18 +4,17 @@ Each has one lane for each of its inputs, whose number may differ from call to c
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import drjit as dr
 from drjit.llvm import ad
 
 from .camera import View, image_ray
-from .crossing import Crossing, Segment, locate
+from .crossing import Crossing, Segment, cross
 from .derivative import Edge, level_jvp, level_vjp, pull_back, push_forward, radiance_jvp, radiance_vjp
 from .geometry import Array, Ray
 from .quadrature import NODES, Stretch, node
 from .scene import Scene, Shape
-from .trace import Limits, labelled_radiance, radiance
+from .trace import Limits, labelled_radiance
 from .wavefront import of_scene, prepare, total
 
 
@@ -33,36 +32,15 @@ def _in_lanes(x: Array, value: Array) -> Array:
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
-def crossings(
-    shape: Shape, parameters: dict, size: Array, limits: Limits, segment: Segment, gap: Array
-) -> tuple[Crossing, Array, Array, Array]:
-    """Where edges cross segments between samples of different labels.
-
-    With it go radiance right before the edge less that right behind it, and the labels there.
-
-    Args:
-        gap: how far, in pixels, before and behind.
-    """
+def crossings(shape: Shape, parameters: dict, size: Array, limits: Limits, segment: Segment) -> Crossing:
+    """Where edges cross segments between samples of different labels."""
     scene, camera = prepare(shape.filled(parameters), size)
-    found = locate(scene, camera, size, segment, limits)
-
-    def look(k, colors, labels):
-        t = found.t + dr.select(k == 0, -gap, gap) / segment.length
-        color, label = labelled_radiance(scene, image_ray(camera, size, *segment.at(t)), limits)
-        colors = dr.select(k == 0, color, colors[0]), dr.select(k == 0, colors[1], color)
-        labels = dr.select(k == 0, label, labels[0]), dr.select(k == 0, labels[1], label)
-        return k + 1, colors, labels
-
-    width = dr.width(segment.x)
-    color, label = dr.zeros(type(scene.background), width), dr.zeros(ad.UInt32, width)
-    state: Any = dr.zeros(ad.Int, width), (color, color + 0), (label, label + 0)
-    _, colors, labels = dr.while_loop(state, lambda k, *_: k < 2, look, mode="symbolic", label="sides")
+    found = cross(scene, camera, size, segment, limits)
     for part in (found, found.edge.path, found.edge.event):
         for name, value in vars(part).items():
             if name != "edge":
                 setattr(part, name, _in_lanes(segment.x, value))
-    jump, before, behind = (_in_lanes(segment.x, value) for value in (colors[0] - colors[1], *labels))
-    return found, jump, before, behind
+    return found
 
 
 RayAt = Callable[[Array, Array], tuple[Ray, Array, Array]]
@@ -79,20 +57,6 @@ def _each_node(stretch: Stretch, state: tuple, visit: Callable) -> tuple:
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
-def stretches(shape: Shape, parameters: dict, size: Array, limits: Limits, stretch: Stretch) -> tuple[Array, Array]:
-    """What stretches add to the pixels of a and of b."""
-    scene, camera = prepare(shape.filled(parameters), size)
-
-    def visit(x, y, weight_a, weight_b, a, b):
-        color = radiance(scene, image_ray(camera, size, x, y), limits)
-        return dr.fma(color, weight_a, a), dr.fma(color, weight_b, b)
-
-    dark = dr.zeros(type(scene.background), dr.width(stretch.x))
-    a, b = _each_node(stretch, (dark, dark + 0), visit)
-    return _in_lanes(stretch.x, a), _in_lanes(stretch.x, b)
-
-
-@dr.freeze(state_fn=None, warn_after=1 << 30)
 def samples_jvp(
     shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, tangents: dict, x: Array, y: Array
 ) -> Array:
@@ -105,7 +69,7 @@ def samples_jvp(
 def stretches_jvp(
     shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, tangents: dict, stretch: Stretch
 ) -> tuple[Array, Array]:
-    """The derivative of `stretches` along the tangents of the parameters `wrt`."""
+    """The derivative of what stretches add to the pixels of a and of b, along the tangents of the parameters `wrt`."""
     scene, slopes, ray_at = _moving(shape, parameters, size, wrt, tangents)
 
     def visit(x, y, weight_a, weight_b, a, b):
@@ -162,7 +126,7 @@ def samples_vjp(shape: Shape, parameters: dict, size: Array, limits: Limits, wrt
 def stretches_vjp(
     shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, stretch: Stretch, seed_a: Array, seed_b: Array
 ) -> dict:
-    """The derivatives of the sum of dot(seed_a, a) + dot(seed_b, b), a and b those of `stretches`, by the parameters `wrt`."""
+    """The derivatives of the sum of dot(seed_a, a) + dot(seed_b, b) by the parameters `wrt`; a and b are what stretches add."""
     reverse = _Reverse(shape, parameters, size, wrt, dr.width(stretch.x))
 
     def visit(x, y, weight_a, weight_b, sums):

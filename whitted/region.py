@@ -45,10 +45,11 @@ class Band:
 
     def lanes(self, *arrays: np.ndarray) -> list[Array]:
         """Dr.Jit arrays of whole packets."""
-        return [lanes(array if array.dtype == bool else array.astype(number(self.real), copy=False)) for array in arrays]
+        real = number(self.real)
+        return [lanes(array.astype(real, copy=False) if array.dtype.kind == "f" else array) for array in arrays]
 
-    def color(self, array: np.ndarray) -> Array:
-        return type(self.shape.scene.background)(*self.lanes(*array.T))
+    def color(self, channels: np.ndarray) -> Array:
+        return type(self.shape.scene.background)(*self.lanes(*channels))
 
 
 def number(real: type) -> Any:
@@ -72,9 +73,9 @@ def aligned(array: np.ndarray, length: int) -> Array:
     return result
 
 
-def columns(value: Array, n: int) -> np.ndarray:
-    """The first n elements of a vector array's components, shape (n, components)."""
-    return np.stack([component.numpy()[:n] for component in value], 1)
+def rows(value: Array, which: slice | np.ndarray) -> np.ndarray:
+    """Some elements of a vector array, shape (components, elements)."""
+    return np.stack([component.numpy()[which] for component in value])
 
 
 def chunks(n: int, size: int) -> Iterator[slice]:

@@ -46,7 +46,7 @@ def accumulate(film: Film, of_sample: Callable[[Array, Array, Array, Array], Arr
     zero = dr.zeros(ad.Int, film.lanes)
     state: Any = zero, zero, dr.zeros(color, film.lanes), valid
     total = dr.while_loop(state, lambda *state: state[-1], sample, mode="symbolic", label="samples")[2]
-    pixels: Array = dr.zeros(dr.value_t(color), film.pixels * 3)
+    pixels: Array = dr.empty(dr.value_t(color), film.pixels * 3)
     inside = valid & (x >= 0) & (y >= 0) & (x < film.width) & (y < film.rows)
     dr.scatter(pixels, total * film.step * film.step, ad.UInt32(y * film.width + x), inside)
     return pixels
@@ -67,7 +67,7 @@ def image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> Array:
 def labelled_image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> tuple[Array, Array, Array]:
     """A band's pixels, and radiance and labels of its samples and of those in its margin, row by row of samples."""
     scene, camera = prepare(shape.filled(parameters), film.size)
-    colors, labels = dr.zeros(type(film.step), film.labels * 3), dr.zeros(ad.UInt32, film.labels)
+    colors, labels = dr.empty(type(film.step), film.labels * 3), dr.empty(ad.UInt32, film.labels)
     row = (film.width + 2 * film.margin) * film.side
 
     def of_sample(x, y, i, j):
