@@ -45,6 +45,7 @@ Illumination Model for Shaded Display" (1980).
 from collections.abc import Iterator
 from dataclasses import replace
 
+import drjit as dr
 import numpy as np
 
 from . import probe, wavefront
@@ -67,7 +68,7 @@ from .edges import (
 )
 from .events import SILHOUETTE, TOTAL
 from .geometry import Array
-from .region import LANES, SAMPLES, Band, aligned, chunks, number, rows
+from .region import LANES, SAMPLES, Band, chunks, number, rows
 
 # Edges between samples that differ less, relative to the brighter one and for one sample a pixel, are left to the samples
 CONTRAST = 1 / 32
@@ -93,13 +94,13 @@ class _Search:
         self.image = self.flat.numpy()
         grid = labels.numpy().reshape((band.rows + 2) * band.side, -1)
         self.samples = band_samples(grid, colors.numpy().reshape(-1, 3), band.side, band.first_row)
-        self.weights = np.ones(0)
+        self.taken = np.zeros(0)
         self.result = Correction(band)
 
     def run(self) -> tuple[Array, Correction]:
         band, samples = self.band, self.samples
-        a, b = flips(samples)
-        busy = crowded(samples, a, b, len(self.image) // 3)
+        a, b, ends = flips(samples)
+        busy = crowded(samples, a, b, ends, len(self.image) // 3)
         counts = label_counts(samples, busy, self.contrast)
         if band.side == 1:
             # Three labels are often one edge that ends at another
@@ -114,13 +115,13 @@ class _Search:
         for pixels, _ in finer:
             apart[pixels] = True
         busy, apart[-1] = np.flatnonzero(apart), True
-        kept = np.flatnonzero(~(apart.take(samples.pixel.take(a)) & apart.take(samples.pixel.take(b))))
-        regular = pairs_of(samples, a.take(kept), b.take(kept), self.contrast)
-        regular.pixel[apart.take(regular.pixel)] = -1
+        ends[apart.take(ends)] = -1
+        kept = np.flatnonzero(np.maximum(*ends) >= 0)
+        regular = pairs_of(samples, a.take(kept), b.take(kept), ends.take(kept, 1), self.contrast)
         fine = self.refine(fine, traced)
         pairs = joined([regular, *(pairs_of(group, *flips(group), CONTRAST / group.side**2) for group in fine)])
         if self.keep:
-            self.weights = np.ones(sum(group.labels.size for group in (samples, *fine)), number(band.real))
+            self.taken = np.zeros(sum(group.labels.size for group in (samples, *fine)), number(band.real))
         for part in chunks(len(pairs), LANES):
             self.cross(pairs if len(pairs) <= LANES else take(pairs, np.arange(part.start, part.stop)))
 
@@ -154,12 +155,15 @@ class _Search:
         """What is left of the samples, for the derivatives."""
         band, labels = self.band, self.samples.labels
         side, columns = band.side, band.resolution[0]
-        regular = np.ascontiguousarray(self.weights[: labels.size].reshape(labels.shape[1:])[side:-side, side:-side])
-        regular.reshape(band.rows, side, columns, side).transpose(0, 2, 1, 3)[busy // columns, busy % columns] = 0
-        self.result.weights = aligned(regular.ravel(), regular.size)
+        taken = self.taken[: labels.size].reshape(labels.shape[1:])[side:-side, side:-side]
+        weights: Array = dr.empty(band.real, taken.size)
+        regular = weights.numpy().reshape(taken.shape)
+        np.subtract(1, taken, out=regular)
+        regular.reshape(band.rows, side, columns, side)[busy // columns, :, busy % columns] = 0
+        self.result.weights = weights
         for group in fine:
             inside = np.flatnonzero(group.pixel >= 0)
-            weight = self.weights[group.first + inside] / group.side**2
+            weight = (1 - self.taken[group.first + inside]) / group.side**2
             self.result.finer.append(Finer(group.x[inside], group.y[inside], group.pixel[inside], weight))
 
     def cross(self, pairs: Pairs) -> None:
@@ -184,7 +188,7 @@ class _Search:
         if len(pair):
             here = take(pairs, pair)
             self.result.stretches.append(Stretches(numbers, here.pixel))
-            deposit(self.weights, here.sample, -taken)
+            deposit(self.taken, here.sample, taken)
         here = take(pairs, found.pair)
         x = here.x + np.where(here.vertical, 0, found.along)
         y = here.y + np.where(here.vertical, found.along, 0)

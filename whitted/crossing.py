@@ -18,7 +18,7 @@ from .surface import surface
 from .trace import Limits, children, labelled_radiance
 
 # Halvings of a segment before its event is told from what lies at its ends, and most steps to the level function's root
-HALVINGS = 2
+HALVINGS = 1
 STEPS = 20
 
 

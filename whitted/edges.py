@@ -87,26 +87,29 @@ def fine_samples(pixels: np.ndarray, side: int, columns: int, first_row: int) ->
     return Samples(np.empty(x.shape, np.uint32), np.empty((0, 3)), x.ravel(), y.ravel(), pixel.ravel(), 1, side, 0, 0)
 
 
-def flips(samples: Samples) -> tuple[np.ndarray, np.ndarray]:
-    """Places of neighbours a and b with different labels, of which one at least is not in the margin."""
-    grids, m = samples.labels, samples.margin
-    _, rows, columns = grids.shape
-    across = grids[:, m:-m, m - 1 : -m] != grids[:, m:-m, m : columns - m + 1]
-    down = grids[:, m - 1 : -m, m:-m] != grids[:, m : rows - m + 1, m:-m]
-    found = []
-    for flip, i, j in ((across, m - 1, m), (down, m, m - 1)):
-        line, column = np.divmod(np.flatnonzero(flip), flip.shape[2])
-        grid, row = np.divmod(line, flip.shape[1])
-        found.append((grid * rows + row + j) * columns + column + i)
-    step = np.repeat([1, columns], [len(places) for places in found])
-    a = np.concatenate(found)
-    return a, a + step
+def flips(samples: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places of neighbours a and b with different labels, and (2, N) their pixels, of which one at least is not -1."""
+    labels, columns = samples.labels.ravel(), samples.labels.shape[2]
+    places, ends = [], []
+    for step in (1, columns):
+        a = np.flatnonzero(labels[step:] != labels[:-step])
+        pixel = samples.pixel.take(np.stack([a, a + step]))
+        # Not those in the margin, among which are those from the end of a row to the next one's start
+        kept = np.flatnonzero(np.maximum(*pixel) >= 0)
+        places.append(a.take(kept))
+        ends.append(pixel.take(kept, 1))
+    a = np.concatenate(places)
+    return a, a + np.repeat([1, columns], [len(part) for part in places]), np.concatenate(ends, 1)
 
 
-def crowded(samples: Samples, a: np.ndarray, b: np.ndarray, pixels: int) -> np.ndarray:
-    """The pixels, of so many, that two pairs or more have a sample in or next to."""
-    touched = np.bincount(samples.pixel.take(np.concatenate([a, b])) + 1, minlength=pixels + 1)
-    return np.flatnonzero(touched[1:] > 1)
+def crowded(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray, pixels: int) -> np.ndarray:
+    """The pixels, of so many, around which three labels may be."""
+    across = int(np.count_nonzero(b - a == 1))
+    sides = np.zeros(pixels + 1, np.uint8)
+    for one in (ends[0, :across], ends[1, :across], ends[0, across:], ends[1, across:]):
+        sides[one] += 1
+    # A single sample has another neighbour on each side, of several all may be on the same side
+    return np.flatnonzero(sides[:-1] > (samples.side == 1))
 
 
 def label_counts(samples: Samples, pixels: np.ndarray, least: float) -> np.ndarray:
@@ -136,18 +139,18 @@ def _window(side: int, stride: int) -> np.ndarray:
     return np.unique(np.concatenate([inner * stride + across, across * stride + inner]))
 
 
-def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, least: float) -> Pairs:
+def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray, least: float) -> Pairs:
     """The neighbours that differ by more than a part of the brighter one, those across the same edge together."""
     one, other = samples.colors.take(a, 0), samples.colors.take(b, 0)
     kept = np.flatnonzero(_largest(np.abs(one - other)) > least * _largest(np.maximum(one, other)))
     labels = samples.labels.ravel()
     # Sixteen bits of a hash, which NumPy sorts in linear time
     order = kept[np.argsort((labels.take(a[kept]) + labels.take(b[kept])).astype(np.uint16), kind="stable")]
-    a, b = a[order], b[order]
+    a, b, pixel = a.take(order), b.take(order), ends.take(order, 1)
     sample, step = np.stack([a, b]), b - a
     label = labels.take(sample)
     beyond = labels.take(np.stack([a - step, b + step]), mode="clip")
-    x, y, pixel = samples.x.take(a), samples.y.take(a) + samples.top, samples.pixel.take(sample)
+    x, y = samples.x.take(a), samples.y.take(a) + samples.top
     length = np.full(len(a), 1 / samples.side)
     return Pairs(x, y, step > 1, length, sample + samples.first, label, pixel, beyond == label)
 
