@@ -210,7 +210,7 @@ def cpu_seconds(pid):
 
 def test_interrupt_leaves_nothing(tmp_path):
     """Ctrl-C in a render that would take minutes: exit status 130, no file."""
-    command = [sys.executable, "-m", "whitted.cli", "render", str(SCENE), "-o", str(tmp_path / "a.exr"), "--spp", "65536"]
+    command = [sys.executable, "-m", "whitted.cli", "render", str(SCENE), "-o", str(tmp_path / "a.exr"), "--spp", "4096"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
     while cpu_seconds(process.pid) < 5:
         assert process.poll() is None

@@ -3,7 +3,19 @@
 from .llvm import BackendError, configure
 
 __version__ = "0.1.0"
-__all__ = ["BackendError", "Scene", "SceneError", "__version__", "gradient", "load_scene", "read_image", "render", "write_image"]
+__all__ = [
+    "BackendError",
+    "FitResult",
+    "Scene",
+    "SceneError",
+    "__version__",
+    "fit",
+    "gradient",
+    "load_scene",
+    "read_image",
+    "render",
+    "write_image",
+]
 
 try:
     configure()
@@ -15,6 +27,7 @@ except BackendError:
             configure()
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 else:
+    from .fit import FitResult, fit
     from .gradient import gradient
     from .image import read_image, write_image
     from .render import render
