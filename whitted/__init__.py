@@ -14,6 +14,7 @@ __all__ = [
     "load_scene",
     "read_image",
     "render",
+    "torch_render",
     "write_image",
 ]
 
@@ -27,6 +28,7 @@ except BackendError:
             configure()
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 else:
+    from .bridge import torch_render
     from .fit import FitResult, fit
     from .gradient import gradient
     from .image import read_image, write_image

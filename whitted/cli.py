@@ -40,6 +40,12 @@ class Terms(str, Enum):
     boundary = "boundary"
 
 
+class Method(str, Enum):
+    auto = "auto"
+    lm = "lm"
+    adam = "adam"
+
+
 SceneFile = Annotated[Path, typer.Argument(help="The scene, a TOML file.")]
 Spp = Annotated[int, typer.Option(help="Samples a pixel, a perfect square.")]
 Depth = Annotated[int | None, typer.Option(help="Nodes on the longest chain of rays [default: the scene's].")]
@@ -102,6 +108,97 @@ def gradient(
     scale, clipped = write_diverging(preview, image, title)
     typer.echo(f"scale: {scale:.3g}, of the mean of the channels")
     typer.echo(f"wrote {output}, and {preview} from blue to red with {clipped:.2%} of its pixels clipped to the scale")
+
+
+@app.command(
+    epilog="Examples:  whitted fit start.toml target.exr --wrt materials.glass.ior --starts 4 -o out   |   "
+    "whitted fit start.toml target.exr --wrt spheres.ball.radius --wrt lights.key.position --bound spheres.ball.radius=0.1:1 -o o"
+)
+def fit(
+    scene: SceneFile,
+    target: Annotated[Path, typer.Argument(help="The picture to match, .exr (linear) or .png (sRGB).")],
+    wrt: Annotated[list[str], typer.Option(metavar="NAME", help="A parameter to recover; may be repeated.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the recovered scene, pictures and plots.")],
+    bound: Annotated[list[str] | None, typer.Option(metavar="NAME=LOW:HIGH", help="Its range; either may be left out.")] = None,
+    mask: Annotated[Path | None, typer.Option(help="A picture that is black where the target does not count.")] = None,
+    gain: Annotated[bool, typer.Option("--gain", help="Fit the brightness of each channel along.")] = False,
+    method: Annotated[Method, typer.Option(help="Levenberg-Marquardt, Adam, or by the number of parameters.")] = Method.auto,
+    starts: Annotated[int, typer.Option(help="Places to start from, drawn around the scene's.")] = 1,
+    seed: Annotated[int, typer.Option(help="Of that draw.")] = 0,
+    iterations: Annotated[int | None, typer.Option(help="At each resolution, at most.")] = None,
+    spp: Spp = 4,
+    depth: Depth = None,
+    size: Size = None,
+    precision: AnyPrecision = Precision.single,
+    no_boundary: Annotated[bool, typer.Option("--no-boundary", help="Derivatives of samples alone: wrong at edges.")] = False,
+) -> None:
+    """Recover parameters of a scene from a picture of it, and write the recovered scene and pictures to a folder."""
+    import warnings
+
+    from . import fit as recover
+    from . import load_scene, read_image
+    from .convergence import figure_of
+    from .recovery import write_recovery
+    from .rewrite import rewritten
+
+    start = load_scene(scene, precision.value)
+    picture, weights = read_image(target), None if mask is None else read_image(mask).numpy().mean(2)
+    resolution = _size(size) if size else None
+    _check_folder(output)
+    # What is missing is better known before than after
+    rewritten(scene, {})
+    figure_of(1)
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        result = recover(
+            start,
+            picture,
+            wrt=wrt,
+            bounds=dict(map(_bound, bound or [])),
+            mask=weights,
+            gain=gain,
+            method=method.value,
+            starts=starts,
+            seed=seed,
+            iterations=iterations,
+            spp=spp,
+            boundary=not no_boundary,
+            max_depth=depth,
+            resolution=resolution,
+        )
+    for warning in warned:
+        typer.echo(f"warning: {warning.message}", err=True)
+    if len(warned) >= len(result.labels):
+        raise ValueError(f"{target}: the picture depends on none of the parameters to recover; nothing was written")
+    options = {"spp": spp, "boundary": not no_boundary, "max_depth": depth}
+    files = write_recovery(output, scene, start, picture, result, options)
+    for label, value, deviation in result.numbers():
+        typer.echo(f"{label:32} {value:.7g} +- {deviation:.2g}")
+    for note in result.notes:
+        typer.echo(f"note: {note}")
+    typer.echo(f"{result.stopped}, after {len(result.history)} iterations; loss {result.loss:.4g}")
+    typer.echo(f"wrote {', '.join(path.name for path in files)} to {output}")
+
+
+def _bound(text: str) -> tuple[str, tuple[float | None, float | None]]:
+    name, equals, pair = text.partition("=")
+    low, colon, high = pair.partition(":")
+    try:
+        if not (equals and colon):
+            raise ValueError
+        return name, (float(low) if low else None, float(high) if high else None)
+    except ValueError:
+        raise ValueError(f"--bound: expected NAME=LOW:HIGH, as in materials.glass.ior=1.2:1.8, got '{text}'") from None
+
+
+def _check_folder(output: Path) -> None:
+    """Refuse a folder that could not be made or written to."""
+    if output.exists() and not output.is_dir():
+        raise ValueError(f"{output}: is a file; name a folder")
+    if not output.parent.is_dir():
+        raise ValueError(f"{output}: there is no folder '{output.parent}'; make it first")
+    if not os.access(output if output.exists() else output.parent, os.W_OK):
+        raise ValueError(f"{output}: cannot be written to; choose another folder")
 
 
 def _compute(

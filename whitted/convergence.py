@@ -73,7 +73,7 @@ def figure_of(rows: int) -> tuple[Any, Any]:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError:
-        raise RuntimeError("plots need matplotlib, which is missing; install it with: pip install 'whitted[plot]'") from None
+        raise RuntimeError("plots need matplotlib, which is missing; install it with: pip install 'whitted[fit]'") from None
     figure = Figure(figsize=(8, 3 * rows), layout="constrained")
     FigureCanvasAgg(figure)
     return figure, figure.subplots(rows, 1, sharex=True)

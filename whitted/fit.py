@@ -19,8 +19,8 @@ import drjit as dr
 import numpy as np
 from drjit.opt import Adam
 
-from .convergence import progress_bar
-from .objective import Objective, View, view
+from .convergence import plot, progress_bar
+from .objective import Objective, View, split, view
 from .ranges import Bounds, limits, scales, start_of
 from .scene import Scene
 
@@ -64,8 +64,17 @@ class FitResult:
     stopped: str  # why
     notes: list[str] = field(default_factory=list)
 
+    def named(self, x: np.ndarray) -> dict[str, Any]:
+        """The parameters at a step's numbers, for `Scene.replace`."""
+        return split(self.parameters, x)
+
+    def numbers(self) -> list[tuple[str, float, float]]:
+        """A label, the value and one standard deviation of each number."""
+        values = np.concatenate([np.ravel(value) for value in self.parameters.values()])
+        return list(zip(self.labels, values.tolist(), np.sqrt(self.covariance.diagonal()).tolist(), strict=True))
+
     def plot(self, path: str | None = None) -> Any:
-        """Draw the loss and each parameter over the iterations; needs the extra `plot`.
+        """Draw the loss and each parameter over the iterations; needs the extra `fit`.
 
         Args:
             path: a file to write, by its ending.
@@ -73,8 +82,6 @@ class FitResult:
         Returns:
             The matplotlib figure.
         """
-        from .convergence import plot
-
         return plot(self.history, self.labels, path)
 
 

@@ -1,5 +1,6 @@
 """How far images of a scene are from their targets, and how that changes with the scene's parameters."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -101,8 +102,7 @@ class Objective:
 
     def parameters(self, x: np.ndarray) -> dict[str, Any]:
         """The parameters with the numbers of a vector, for `Scene.replace`."""
-        parts = np.split(x, np.cumsum(self.sizes)[:-1])
-        return {name: part.tolist() if len(part) > 1 else float(part[0]) for name, part in zip(self.names, parts, strict=True)}
+        return split(dict(zip(self.names, map(np.zeros, self.sizes), strict=True)), x)
 
     def labels(self) -> list[str]:
         """A name for each number."""
@@ -182,6 +182,12 @@ class Objective:
                 columns.append(dr.grad(image).numpy().astype(np.float64))
                 dr.clear_grad(image)
         return image.numpy().astype(np.float64), columns
+
+
+def split(like: Mapping[str, Any], x: np.ndarray) -> dict[str, Any]:
+    """The numbers of a vector by name, as many for each as the values given."""
+    parts = np.split(x, np.cumsum([np.size(value) for value in like.values()])[:-1])
+    return {name: part.tolist() if len(part) > 1 else float(part[0]) for name, part in zip(like, parts, strict=True)}
 
 
 def _arrays(scene: Scene, values: dict[str, Any]) -> dict[str, Array]:
