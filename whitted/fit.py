@@ -31,7 +31,8 @@ FEW = 16
 COARSEST = 24
 # Iterations at each resolution
 ITERATIONS = {"lm": 40, "adam": 200}
-# A further start is drawn from so many times the scale of each number around the first, and tried for so many iterations
+# A further start is drawn from the bounds, or where they are open from so many times the scale of each number around
+# the first, and tried for so many iterations
 SPREAD, TRIALS = 4.0, 8
 # Adam's first step in units of each number's scale, at the finest resolution, and the last one relative to it
 STEP, LAST = 0.02, 0.02
@@ -158,8 +159,8 @@ def fit(
         spp: samples a pixel, a perfect square.
         iterations: at each resolution, at most [default: 40 for "lm", 200 for "adam"].
         levels: resolutions, each half the next [default: as many as leave 24 pixels along the shorter side].
-        starts: places to start from: the scene's, and others drawn at random around it, within the bounds. All are
-            tried at the coarsest resolution, and the best goes on.
+        starts: places to start from: the scene's, and others drawn at random within the bounds, or around it where those
+            are open. All are tried at the coarsest resolution, and the best goes on.
         seed: of that draw.
         bounds: name to (lowest, highest), None where open [default: what is legal, and an index of at least 1].
         mask: what each pixel counts for, >= 0, of shape (height, width).
@@ -268,8 +269,9 @@ def _coarse_to_fine(
 def _best_start(search: _Search, objective: Objective, x: np.ndarray, descend: Callable, starts: int, seed: int) -> np.ndarray:
     """Of several starts the one from which a few iterations lead to the least loss."""
     random = np.random.default_rng(seed)
-    low = np.maximum(search.low, x - SPREAD * search.scale)
-    high = np.minimum(search.high, x + SPREAD * search.scale)
+    closed = np.isfinite(search.low) & np.isfinite(search.high)
+    low = np.where(closed, search.low, np.maximum(search.low, x - SPREAD * search.scale))
+    high = np.where(closed, search.high, np.minimum(search.high, x + SPREAD * search.scale))
     found = []
     for start in [x, *(random.uniform(low, high) for _ in range(starts - 1))]:
         end, _ = descend(search, objective, start, TRIALS, 0)

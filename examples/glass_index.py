@@ -1,0 +1,21 @@
+"""The index of refraction of a glass ball, from one picture and from far off on either side."""
+
+from common import SCENES, arguments, recover
+
+import whitted as wt
+
+if __name__ == "__main__":
+    asked = arguments(__doc__)
+    truth = wt.load_scene(SCENES / "cornell.toml")
+    for start in (1.2, 1.9):
+        # Other indices than the true one make pictures that none near them betters, hence several starts
+        bounds = {"materials.glass.ior": (1.05, 2.2)}
+        recover(
+            f"Index of glass from {start}",
+            truth,
+            {"materials.glass.ior": start},
+            asked.size,
+            asked.output,
+            bounds=bounds,
+            starts=6,
+        )
