@@ -36,11 +36,7 @@ def picture(size: int, glass: bool) -> np.ndarray:
             "sampler": {"type": "multijitter", "sample_count": 256},
         },
         "light": {"type": "point", "position": [2, 4, 3], "intensity": {"type": "rgb", "value": [20 * math.pi] * 3}},
-        "floor": {
-            "type": "rectangle",
-            "to_world": wide,
-            "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": FLOOR}},
-        },
+        "floor": {"type": "rectangle", "to_world": wide, "bsdf": floor},
         "matte": {"type": "sphere", "center": [0.9, -0.4, -0.6], "radius": 0.6, "bsdf": matte},
     }
     if glass:

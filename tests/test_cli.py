@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -241,3 +242,74 @@ def test_disk_that_is_full(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("whitted.image.write_image", fail)
     assert run(["render", str(SCENE), "-o", str(tmp_path / "a.exr"), "--size", "4x4"]) == 2
     check_refusal(tmp_path, capsys, "a.exr: cannot be read or written: No space left on device")
+
+
+FIT = ["--wrt", "spheres.sphere0.radius", "--spp", "1", "--iterations", "4"]
+
+
+@pytest.fixture
+def picture(tmp_path):
+    """A scene file of a ball, and its picture when the ball is a little larger."""
+    path = tmp_path / "start.toml"
+    path.write_text(
+        "# a ball\nbackground = [0.1, 0.2, 0.3]\nambient = [1, 1, 1]\nmax_depth = 1\n[camera]\nposition = [0, 0, 4]\n"
+        "look_at = [0, 0, 0]\nfov = 50\nresolution = [24, 24]\n[materials.red]\ncolor = [0.8, 0.3, 0.1]\n"
+        '[[spheres]]\ncenter = [0, 0, 0]\nradius = 0.9   # a guess\nmaterial = "red"\n'
+    )
+    target = tmp_path / "target.exr"
+    wt.write_image(target, wt.render(wt.load_scene(path).replace({"spheres.sphere0.radius": 1.0}), 16))
+    return str(path), str(target)
+
+
+def test_fit_writes_what_it_found(picture, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert run(["fit", *picture, *FIT, "-o", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert re.search(r"spheres\.sphere0\.radius +(1\.00|0\.99)\d* \+- ", text)
+    names = {"scene.toml", "target.png", "start.png", "result.png", "difference.png", "convergence.png", "animation.gif"}
+    assert {path.name for path in out.iterdir()} == names
+    assert all(name in text for name in names)
+    scene = (out / "scene.toml").read_text()
+    assert "# a guess" in scene
+    assert wt.load_scene(out / "scene.toml").parameters()["spheres.sphere0.radius"].numpy()[0] == pytest.approx(1, abs=0.01)
+    with Image.open(out / "animation.gif") as animation:
+        assert animation.n_frames >= 2
+        assert animation.size == (48, 24)
+
+
+def test_fit_with_all_options(picture, tmp_path, capsys):
+    mask = tmp_path / "mask.png"
+    wt.write_image(mask, np.ones((24, 24, 3)))
+    options = ["--bound", "spheres.sphere0.radius=0.5:0.95", "--mask", str(mask), "--gain", "--method", "adam", "--starts", "2"]
+    assert run(["fit", *picture, *FIT, *options, "--depth", "1", "--size", "24x24", "-o", str(tmp_path / "out")]) == 0
+    assert "iterations; loss" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--wrt", "spheres.sphere0.radius", "--size", "8x8"], "target: expected an image of 8 x 8 pixels"),
+        (["--wrt", "spheres.ball.radius"], "no parameter 'spheres.ball.radius'"),
+        (["--wrt", "spheres.sphere0.radius", "--bound", "spheres.sphere0.radius"], "--bound: expected NAME=LOW:HIGH"),
+        (["--wrt", "spheres.sphere0.radius", "--bound", "spheres.sphere0.radius=1:2"], "starts at 0.9, outside [1, 2]"),
+        (["--wrt", "materials.red.ior", "--iterations", "1"], "depends on none of the parameters"),
+    ],
+)
+def test_fit_refuses_bad_input(picture, tmp_path, capsys, options, message):
+    assert run(["fit", *picture, *options, "-o", str(tmp_path / "out")]) == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_fit_refuses_folders_that_it_cannot_write(picture, capsys):
+    for out, message in (("/no/such/folder", "there is no folder"), (picture[0], "is a file; name a folder")):
+        assert run(["fit", *picture, *FIT, "-o", out]) == 2
+        assert message in capsys.readouterr().err
+
+
+def test_fit_needs_its_extra(picture, tmp_path, capsys, monkeypatch):
+    for module in ("tomlkit", "matplotlib.figure"):
+        with monkeypatch.context() as patch:
+            patch.setitem(sys.modules, module, None)
+            assert run(["fit", *picture, *FIT, "-o", str(tmp_path / "out")]) == 2
+        assert "pip install 'whitted[fit]'" in capsys.readouterr().err

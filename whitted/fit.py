@@ -35,7 +35,7 @@ ITERATIONS = {"lm": 40, "adam": 200}
 # the first, and tried for so many iterations
 SPREAD, TRIALS = 4.0, 8
 # Adam's first step in units of each number's scale, at the finest resolution, and the last one relative to it
-STEP, LAST = 0.02, 0.02
+STEP, LAST = 0.05, 0.05
 # Adam has converged when the loss of so many iterations is no better than before
 PATIENCE = 40
 

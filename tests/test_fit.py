@@ -1,0 +1,297 @@
+"""Fits of one small scene whose answer is known, and everything that can be asked of them wrongly."""
+
+import sys
+import warnings
+
+import drjit as dr
+import numpy as np
+import pytest
+
+import whitted as wt
+from whitted.objective import Objective, split, view
+from whitted.ranges import limits, scales
+
+BALL = """
+background = [0.1, 0.2, 0.3]
+ambient = [0.3, 0.3, 0.3]
+max_depth = 1
+[camera]
+position = [0, 0, 4]
+look_at = [0, 0, 0]
+fov = 50
+resolution = [32, 24]
+[materials.red]
+color = [0.8, 0.3, 0.1]
+[materials.spare]
+color = [0.5, 0.5, 0.5]
+[[spheres]]
+name = "ball"
+center = [0.2, -0.1, 0]
+radius = 0.8
+material = "red"
+[[lights]]
+position = [2, 2, 4]
+intensity = [0.6, 0.6, 0.6]
+"""
+CENTER = np.array([0.2, -0.1, 0])
+AWAY = {"spheres.ball.center": [0.5, 0.2, -0.3]}
+WRT = ["spheres.ball.center"]
+
+
+@pytest.fixture
+def ball(load):
+    return load(BALL, "single")
+
+
+@pytest.fixture
+def target(ball):
+    return wt.render(ball, 16)
+
+
+def test_recovers_position_and_radius(ball, target):
+    """To a hundredth of a pixel of 0.16 across, and five times that along the view, where only its size tells."""
+    start = ball.replace({**AWAY, "spheres.ball.radius": 0.6})
+    result = wt.fit(start, target, wrt=["spheres.ball.center", "spheres.ball.radius"])
+    error = np.abs(np.array(result.parameters["spheres.ball.center"]) - CENTER)
+    assert np.all(error < [1.6e-3, 1.6e-3, 8e-3])
+    assert result.parameters["spheres.ball.radius"] == pytest.approx(0.8, abs=1.6e-3)
+    np.testing.assert_allclose(result.scene.parameters(*WRT)[WRT[0]].numpy().ravel(), result.parameters[WRT[0]], rtol=1e-6)
+    assert result.stopped.startswith("converged")
+    assert result.labels == [f"spheres.ball.center.{axis}" for axis in "xyz"] + ["spheres.ball.radius"]
+    assert len({step.resolution for step in result.history}) == 1
+    assert result.loss < 1e-3 * result.history[0].loss
+
+
+def test_a_silhouette_alone_tells_the_place(load):
+    """In ambient light only the edge moves, which plain differentiation does not see."""
+    flat = load(BALL.replace("intensity = [0.6, 0.6, 0.6]", "intensity = [0, 0, 0]"), "single")
+    picture, start = wt.render(flat, 16), flat.replace(AWAY)
+    result = wt.fit(start, picture, wrt=WRT)
+    assert np.all(np.abs(np.array(result.parameters[WRT[0]]) - CENTER) < [1.6e-3, 1.6e-3, 8e-3])
+    with pytest.warns(UserWarning, match=r"do not depend on spheres\.ball\.center"):
+        plain = wt.fit(start, picture, wrt=WRT, boundary=False)
+    np.testing.assert_allclose(plain.parameters[WRT[0]], AWAY[WRT[0]])
+
+
+def test_adam_recovers_a_position(ball, target):
+    result = wt.fit(ball.replace(AWAY), target, wrt=WRT, method="adam", spp=1, iterations=150)
+    np.testing.assert_allclose(result.parameters[WRT[0]][:2], CENTER[:2], atol=0.02)
+
+
+def test_coarse_pictures_come_first(ball):
+    resolution = (96, 96)
+    target = wt.render(ball, 4, resolution=resolution)
+    steps = []
+    result = wt.fit(ball.replace(AWAY), target, wrt=WRT, resolution=resolution, callback=steps.append)
+    assert [step.iteration for step in steps] == list(range(len(result.history)))
+    sizes = [step.resolution for step in steps]
+    assert sizes == sorted(sizes)
+    assert set(sizes) == {(24, 24), (48, 48), (96, 96)}
+
+
+def test_halved_targets_are_pictures_at_half_the_resolution(ball):
+    """A pixel is the mean over its area, so four of them are one of the coarser picture, but for its samples' error."""
+    fine, coarse = (wt.render(ball, 64, resolution=size).numpy() for size in ((64, 48), (32, 24)))
+    halved = view(ball, fine, None, (64, 48), "").halved()
+    assert np.abs(halved.target - coarse).max() < 2e-3
+
+
+def test_half_a_masked_picture(ball, target):
+    """What is masked out does not count, not even what is not a number."""
+    spoilt, mask = target.numpy().copy(), np.ones((24, 32))
+    spoilt[:, 20:] = np.nan
+    mask[:, 20:] = 0
+    result = wt.fit(ball.replace(AWAY), spoilt, wrt=WRT, mask=mask)
+    np.testing.assert_allclose(result.parameters[WRT[0]], CENTER, atol=2e-3)
+
+
+def test_unknown_exposure(ball, target):
+    exposure = np.array([2.0, 0.5, 1.3])
+    result = wt.fit(ball.replace(AWAY), target.numpy() * exposure, wrt=WRT, gain=True)
+    np.testing.assert_allclose(result.parameters[WRT[0]], CENTER, atol=2e-3)
+    np.testing.assert_allclose(result.gains, [exposure], rtol=1e-3)
+
+
+def test_several_views_agree(ball):
+    """One view hardly tells the distance of a ball of unknown size; two views do."""
+    views = []
+    for x in (-1.5, 1.5):
+        there = ball.replace({"camera.position": [x, 0, 3.7]})
+        views.append((there.replace(AWAY), wt.render(there, 16)))
+    result = wt.fit(views, wrt=[*WRT, "spheres.ball.radius"])
+    np.testing.assert_allclose(result.parameters[WRT[0]], CENTER, atol=1e-3)
+    assert result.gains.shape == (2, 3)
+
+
+def test_second_derivatives_and_gradients_agree(ball, target):
+    """Forward and reverse mode of the same loss, with a gain and a mask."""
+    mask = np.linspace(0.5, 2, 24 * 32).reshape(24, 32)
+    sizes = {"spheres.ball.center": 3, "lights.light0.intensity": 3}
+    options = {"spp": 1, "boundary": True, "max_depth": None}
+    views = (view(ball, target, mask, None, ""),)
+    objective = Objective(views, tuple(sizes), tuple(sizes.values()), options, gain=True)
+    x = np.array([0.5, 0.2, -0.3, 0.7, 0.6, 0.5])
+    loss, slope, _ = objective.normal_equations(x)
+    values = {name: type(value)(*split(sizes_as(sizes), x)[name]) for name, value in ball.parameters(*sizes).items()}
+    dr.enable_grad(values)
+    assert objective.gradient(values) == pytest.approx(loss, rel=1e-5)
+    assert objective.loss(x) == pytest.approx(loss, rel=1e-5)
+    gradient = np.concatenate([dr.grad(value).numpy().ravel() for value in values.values()])
+    np.testing.assert_allclose(gradient, slope, rtol=1e-3, atol=1e-4 * np.abs(slope).max())
+
+
+def sizes_as(sizes):
+    return {name: np.zeros(size) for name, size in sizes.items()}
+
+
+def test_error_bars_are_those_of_the_noise(ball, target):
+    """Over ten pictures with noise, the errors' mean square in units of the bars is 1, give or take 4 sigma of it."""
+    random, scores = np.random.default_rng(3), []
+    for _ in range(10):
+        noisy = target.numpy() + random.normal(scale=0.02, size=target.shape)
+        result = wt.fit(ball, noisy, wrt=WRT, levels=1)
+        scores.extend((np.array(result.parameters[WRT[0]]) - CENTER) / result.uncertainty[WRT[0]])
+    assert abs(np.mean(np.square(scores)) - 1) < 4 * (2 / 30) ** 0.5
+
+
+def test_several_starts_find_what_one_does_not(ball):
+    far = {"spheres.ball.center": [-2.2, 1.2, 0]}
+    small = ball.replace({"spheres.ball.radius": 0.3})
+    picture = wt.render(small, 16)
+    bounds = {"spheres.ball.center": (-2.5, 2.5)}
+    one = wt.fit(small.replace(far), picture, wrt=WRT, bounds=bounds)
+    several = wt.fit(small.replace(far), picture, wrt=WRT, bounds=bounds, starts=40)
+    assert np.abs(np.array(one.parameters[WRT[0]]) - CENTER).max() > 0.5
+    np.testing.assert_allclose(several.parameters[WRT[0]], CENTER, atol=0.02)
+
+
+@pytest.mark.parametrize("method", ["lm", "adam"])
+def test_bounds_hold_and_are_told(ball, target, method):
+    name = "spheres.ball.radius"
+    result = wt.fit(ball.replace({name: 0.6}), target, wrt=[name], bounds={name: (None, 0.7)}, method=method, iterations=60)
+    assert result.parameters[name] == pytest.approx(0.7)
+    assert result.notes == [f"{name} was held at its bound 0.7"]
+
+
+def test_default_bounds(ball):
+    names = ["spheres.ball.radius", "materials.red.color", "materials.red.ior", "camera.fov", "camera.position"]
+    low, high = limits(ball, names, {})
+    assert low.tolist() == pytest.approx([8e-4, 0, 0, 0, 1, 0.05, -np.inf, -np.inf, -np.inf])
+    assert high.tolist() == pytest.approx([np.inf, 1, 1, 1, np.inf, 180, np.inf, np.inf, np.inf], abs=1e-2)
+    assert limits(ball.replace({"materials.red.ior": 0.7}), ["materials.red.ior"], {})[0][0] < 0.7
+    assert (scales(ball, names) > 0).all()
+
+
+def test_a_parameter_without_effect_is_named(ball, target):
+    with pytest.warns(UserWarning, match=r"do not depend on materials\.spare\.color") as warned:
+        result = wt.fit(ball.replace(AWAY), target, wrt=[*WRT, "materials.spare.color"])
+    assert len(warned) == 3
+    np.testing.assert_allclose(result.parameters[WRT[0]], CENTER, atol=1e-3)
+    assert result.parameters["materials.spare.color"] == pytest.approx([0.5] * 3)
+    assert np.isinf(result.uncertainty["materials.spare.color"]).all()
+
+
+@pytest.mark.parametrize("method", ["lm", "adam"])
+def test_no_slope_ends_the_fit(ball, target, method):
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        result = wt.fit(ball, target, wrt=["materials.spare.color"], method=method)
+    assert len(warned) == 3
+    assert "start elsewhere" in result.stopped
+
+
+@pytest.mark.parametrize("method", ["lm", "adam"])
+def test_interrupt_keeps_the_best(ball, target, method):
+    def interrupt(step):
+        if step.iteration == 4:
+            raise KeyboardInterrupt
+
+    result = wt.fit(ball.replace(AWAY), target, wrt=WRT, method=method, callback=interrupt)
+    assert result.stopped == "interrupted"
+    best = min(result.history, key=lambda step: step.loss)
+    np.testing.assert_allclose(result.parameters[WRT[0]], best.x)
+
+
+@pytest.mark.parametrize("method", ["lm", "adam"])
+def test_later_iterations_compile_nothing(ball, target, method):
+    """The kernels of the first two iterations serve all others."""
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        compiled = []
+
+        def count(step):
+            compiled.append(sum(not entry["cache_hit"] for entry in dr.kernel_history([dr.KernelType.JIT])))
+
+        wt.fit(ball.replace(AWAY), target, wrt=WRT, method=method, iterations=8, callback=count)
+    assert len(compiled) > 5
+    assert not any(compiled[2:])
+
+
+def test_plot_shows_every_number(ball, target, tmp_path):
+    result = wt.fit(ball.replace(AWAY), target, wrt=WRT, iterations=3)
+    figure = result.plot(str(tmp_path / "a.png"))
+    assert (tmp_path / "a.png").stat().st_size > 5000
+    assert [len(axes.lines) for axes in figure.axes] == [1, 3]
+
+
+def bad(**options):
+    return pytest.param(options, id=next(iter(options)))
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "match"),
+    [
+        ({"wrt": []}, ValueError, "empty list"),
+        ({"wrt": [*WRT, *WRT]}, ValueError, "named twice"),
+        ({"wrt": ["spheres.bal.center"]}, KeyError, "nearest: spheres.ball.center"),
+        ({"wrt": ["camera.up"]}, KeyError, "no parameter 'camera.up'"),
+        ({"method": "sgd"}, ValueError, "expected one of auto, lm, adam, got 'sgd'"),
+        ({"iterations": 0}, ValueError, "iterations: expected a whole number from 1 on"),
+        ({"starts": 1.5}, ValueError, "starts: expected a whole number from 1 on"),
+        ({"levels": 9}, ValueError, "9 halvings leave nothing of 24 pixels"),
+        ({"spp": 3}, ValueError, "perfect square"),
+        ({"resolution": (16, 16)}, ValueError, "expected an image of 16 x 16 pixels"),
+        ({"mask": np.ones((3, 3))}, ValueError, "mask: expected shape"),
+        ({"mask": np.zeros((24, 32))}, ValueError, "not all 0"),
+        ({"mask": "no"}, ValueError, "mask: expected an array of numbers, got str"),
+        ({"bounds": {"spheres.ball.radius": (0, 1)}}, KeyError, "not among the parameters to fit"),
+        ({"bounds": {WRT[0]: (0.3, 1)}}, ValueError, r"starts at 0.2, -0.1, 0, outside \[0.3, 1\]"),
+        ({"bounds": {WRT[0]: (1, 0)}}, ValueError, "is not below the highest"),
+        ({"bounds": {WRT[0]: 3}}, ValueError, r"expected \(lowest, highest\), got 3"),
+        ({"wrt": ["materials.red.color"], "bounds": {"materials.red.color": (0, 2)}}, ValueError, "not within what is legal"),
+    ],
+)
+def test_bad_arguments(ball, target, options, error, match):
+    with pytest.raises(error, match=match):
+        wt.fit(ball, target, **{"wrt": WRT, **options})
+
+
+def test_bad_targets(ball, target):
+    with pytest.raises(ValueError, match="target: expected an image, got None"):
+        wt.fit(ball, wrt=WRT)
+    with pytest.raises(ValueError, match="expected an image of 32 x 24 pixels"):
+        wt.fit(ball, np.zeros((24, 31, 3)), wrt=WRT)
+    spoilt = target.numpy().copy()
+    spoilt[5, 7] = np.nan
+    with pytest.raises(ValueError, match="1 pixels are not finite numbers, the first at x 7, y 5"):
+        wt.fit(ball, spoilt, wrt=WRT)
+    with pytest.raises(ValueError, match=r"view 1: target: expected an image"):
+        wt.fit([(ball, target), (ball, np.zeros((2, 2, 3)))], wrt=WRT)
+    with pytest.raises(ValueError, match="give each as"):
+        wt.fit([(ball, target)], target, wrt=WRT)
+    with pytest.raises(ValueError, match="expected a scene, or pairs"):
+        wt.fit([], wrt=WRT)
+
+
+def test_what_is_not_a_number_is_named(ball, target, monkeypatch):
+    start = ball.replace(AWAY)
+    monkeypatch.setattr(Objective, "normal_equations", lambda self, x: (np.nan, np.zeros(3), np.eye(3)))
+    with pytest.raises(ValueError, match=r"the loss became nan in iteration 0, at spheres\.ball\.center\.x = 0\.5"):
+        wt.fit(start, target, wrt=WRT)
+    monkeypatch.setattr(Objective, "normal_equations", lambda self, x: (1.0, np.array([0, np.inf, 0]), np.eye(3)))
+    with pytest.raises(ValueError, match=r"the derivative by spheres\.ball\.center\.y is not finite in iteration 0"):
+        wt.fit(start, target, wrt=WRT)
+    monkeypatch.setattr(Objective, "parameters", lambda self, x: {WRT[0]: [0.0, 0.0, 0.0]})
+    monkeypatch.setattr(Objective, "normal_equations", lambda self, x: (1.0, np.zeros(3), np.eye(3)))
+    monkeypatch.setattr(sys.modules["whitted.fit"], "start_of", lambda scene, name: np.array([0.0, np.nan, 0.0]))
+    with pytest.raises(ValueError, match=r"spheres\.ball\.center\.y became nan in iteration 0"):
+        wt.fit(start, target, wrt=WRT)

@@ -1,0 +1,93 @@
+"""Scene files with new numbers: everything else stays, and the file reads back as the same scene."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from whitted.rewrite import rewritten
+from whitted.scene_file import load_scene
+
+TEXT = """# a scene
+background = [0.1, 0.2, 0.3]   # dusk
+
+[camera]
+position = [0, 0, 4]
+look_at = [0, 0, 0]
+fov = 50   # vertical
+resolution = [8, 8]
+
+[materials."lead glass"]
+ior = 1.6          # a guess
+color = [0, 0, 0]
+
+[[spheres]]
+center = [0, 0, 0]     # in the middle
+radius = 1
+material = "lead glass"
+
+[[spheres]]
+name = "b.c"
+center = [2, 0, 0]
+radius = 0.5
+material = "lead glass"
+
+[[planes]]
+normal = [0, 1, 0]
+offset = 1
+material = "lead glass"
+
+[[lights]]
+name = "key"
+position = [1, 2, 3]
+intensity = [1, 1, 1]
+"""
+VALUES = {
+    "background": [0.4, 0.5, 0.6],
+    "ambient": [0.01, 0.02, 0.03],
+    "camera.fov": 41.5,
+    "materials.lead glass.ior": 1.7123456789,
+    "materials.lead glass.specular": 0.25,
+    "spheres.sphere0.center": [1.0, 2.0, 3.0],
+    "spheres.b.c.radius": 0.75,
+    "planes.plane0.normal": [0.0, 0.6, 0.8],
+    "lights.key.intensity": [0.5, 0.25, 0.125],
+}
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text(TEXT)
+    return path
+
+
+def test_new_numbers_are_read_back(path):
+    text = rewritten(path, VALUES)
+    path.write_text(text)
+    found = load_scene(path, "double").parameters(*VALUES)
+    for name, value in VALUES.items():
+        np.testing.assert_allclose(found[name].numpy().ravel(), np.ravel(value), rtol=1e-8)
+
+
+def test_all_else_stays(path):
+    lines, changed = TEXT.splitlines(), rewritten(path, {"materials.lead glass.ior": 1.75, "spheres.sphere0.center": [1, 2, 3]})
+    differing = [pair for pair in zip(lines, changed.splitlines(), strict=True) if pair[0] != pair[1]]
+    assert [new for _, new in differing] == ["ior = 1.75          # a guess", "center = [1.0, 2.0, 3.0]     # in the middle"]
+    assert rewritten(path, {}) == TEXT
+
+
+def test_shipped_scenes_survive(tmp_path):
+    for file in (Path(__file__).parents[1] / "scenes").glob("*.toml"):
+        scene = load_scene(file, "double")
+        (tmp_path / "a.toml").write_text(rewritten(file, {k: v.numpy().ravel().tolist() for k, v in scene.parameters().items()}))
+        again = load_scene(tmp_path / "a.toml", "double").parameters()
+        for name, value in scene.parameters().items():
+            np.testing.assert_allclose(again[name].numpy(), value.numpy(), rtol=1e-8, atol=1e-12)
+
+
+def test_without_tomlkit(path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "tomlkit", None)
+    with pytest.raises(RuntimeError, match=r"install it with: pip install 'whitted\[fit\]'"):
+        rewritten(path, {})
