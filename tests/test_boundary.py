@@ -309,3 +309,12 @@ def test_error_of_the_gradient_falls_with_the_samples(load):
     reference, _ = image_difference(lambda moved: render(loaded.replace(moved), 1600), values, tangents)
     errors = [image_error(derivative(loaded, name, component, spp=n * n), reference) for n in (1, 2, 4, 8)]
     assert np.polyfit(np.log([1, 2, 4, 8]), np.log(errors), 1)[0] < -0.8, errors
+
+
+def test_suspended_gradients_change_no_pixel(load):
+    """Edges are found by derivatives within the kernels, which are recorded once for all calls."""
+    scene = load(GLOW + AHEAD + RED + ball([0.1, 0.2, 0], 0.631, "red"), "double")
+    with dr.suspend_grad():
+        first = render(scene, resolution=(10, 8)).numpy()
+    np.testing.assert_array_equal(first, render(scene, resolution=(10, 8)).numpy())
+    assert np.abs(first - render(scene, boundary=False, resolution=(10, 8)).numpy()).max() > 0.01

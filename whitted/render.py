@@ -191,7 +191,9 @@ class _BoundaryJob(_Job):
 
     def _correct(self, first: int, rows: int) -> Array:
         band = Band(self.scene.shape, self.parameters, self.limits, self.resolution, first, rows, self.side)
-        pixels, correction = correct(band, self.keep)
+        # Edges are found by derivatives of their own
+        with dr.resume_grad():
+            pixels, correction = correct(band, self.keep)
         if self.keep:
             self.corrections[first] = correction
         return pixels
