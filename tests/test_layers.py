@@ -18,6 +18,7 @@ ORDER = [
         "boundary",
         "render",
         "image",
+        "accuracy",
         "bridge",
         "gradient",
         "diverging",
@@ -29,6 +30,9 @@ ORDER = [
         "recovery",
         "timing",
         "about",
+        "measure",
+        "experiments",
+        "chart",
         "cli",
     ),
 ]

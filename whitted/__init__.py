@@ -28,10 +28,10 @@ except BackendError:
             configure()
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 else:
+    from .accuracy import render
     from .bridge import torch_render
     from .fit import FitResult, fit
     from .gradient import gradient
     from .image import read_image, write_image
-    from .render import render
     from .scene import Scene
     from .scene_file import SceneError, load_scene

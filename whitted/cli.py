@@ -65,13 +65,21 @@ def render(
     size: Size = None,
     precision: AnyPrecision = Precision.single,
     no_boundary: Annotated[bool, typer.Option("--no-boundary", help="Plain samples: fast, wrong at edges.")] = False,
+    error: Annotated[float | None, typer.Option(help="Choose samples and edges for this relative error, as in 0.01.")] = None,
 ) -> None:
     """Render a scene to an EXR, with a PNG preview next to it."""
+    from . import load_scene
     from . import render as render_image
+    from .accuracy import recommend
     from .image import clipped, write_image
 
     _check_output(output)
-    image, metadata = _compute(partial(render_image, boundary=not no_boundary), scene, spp, depth, size, precision)
+    boundary = not no_boundary
+    if error is not None:
+        chosen = recommend(load_scene(scene, precision.value), error, depth, _size(size) if size else None)
+        spp, boundary = chosen.spp, chosen.boundary
+        typer.echo(f"for an error of {error:g}: spp {spp}, {'edges found' if boundary else 'plain samples'}")
+    image, metadata = _compute(partial(render_image, boundary=boundary), scene, spp, depth, size, precision)
     preview = output.with_suffix(".png")
     write_image(output, image, metadata)
     write_image(preview, image)
@@ -180,6 +188,22 @@ def fit(
     typer.echo(f"wrote {', '.join(path.name for path in files)} to {output}")
 
 
+@app.command(epilog="Example:  whitted chart scenes/cornell.toml -o charts")
+def chart(
+    scene: SceneFile,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the report, plots and numbers.")],
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer samples, rounds and sizes.")] = False,
+    size: Size = None,
+) -> None:
+    """Measure a scene's speed against its accuracy, and write a report; an interrupted run goes on where it was."""
+    from .chart import chart as measure
+
+    _check_folder(output)
+    with _progress_bar("measuring") as progress:
+        page = measure(scene, output, size=_size(size) if size else None, quick=quick, progress=lambda done, _: progress(done))
+    typer.echo(f"wrote {page}")
+
+
 def _bound(text: str) -> tuple[str, tuple[float | None, float | None]]:
     name, equals, pair = text.partition("=")
     low, colon, high = pair.partition(":")
@@ -250,14 +274,14 @@ def _check_output(output: Path) -> None:
 
 
 @contextmanager
-def _progress_bar() -> Iterator[Callable[[float], None]]:
+def _progress_bar(title: str = "rendering") -> Iterator[Callable[[float], None]]:
     """A callback for the fraction done, which shows a bar on standard error after a second."""
     from rich.console import Console
     from rich.progress import Progress
 
     start = time.monotonic()
     with Progress(console=Console(stderr=True), transient=True, disable=True) as bar:
-        task = bar.add_task("rendering", total=1.0)
+        task = bar.add_task(title, total=1.0)
 
         def report(fraction: float) -> None:
             if bar.disable and time.monotonic() - start > 1 and fraction < 1:

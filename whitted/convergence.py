@@ -63,8 +63,8 @@ def plot(history: Sequence[Any], labels: Sequence[str], path: str | None) -> Any
     return figure
 
 
-def figure_of(rows: int) -> tuple[Any, Any]:
-    """An empty matplotlib figure with panels below each other, drawn without a display.
+def figure_of(rows: int, height: float = 3) -> tuple[Any, Any]:
+    """An empty matplotlib figure with panels of some inches' height below each other, drawn without a display.
 
     Raises:
         RuntimeError: there is no matplotlib.
@@ -74,6 +74,6 @@ def figure_of(rows: int) -> tuple[Any, Any]:
         from matplotlib.figure import Figure
     except ImportError:
         raise RuntimeError("plots need matplotlib, which is missing; install it with: pip install 'whitted[fit]'") from None
-    figure = Figure(figsize=(8, 3 * rows), layout="constrained")
+    figure = Figure(figsize=(8, height * rows), layout="constrained")
     FigureCanvasAgg(figure)
     return figure, figure.subplots(rows, 1, sharex=True)
