@@ -6,17 +6,19 @@ sphere has a material of its own, so that spheres can change places without a ke
 
 from dataclasses import dataclass, replace
 
+import drjit as dr
 import numpy as np
 from gradcheck import as_type
 from samples import plane, sphere
 
 HEAD = "[camera]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\nup = {up}\nfov = 50\nresolution = [24, 24]\n"
+LIGHT = 'intensity = [1, 1, 1]\nfalloff = "{}"'
 UP = np.array([0.1, 1.0, -0.2])
 
 
 @dataclass(frozen=True)
 class Shape:
-    """What is compiled: how many of everything; `single` stands for numbers that single precision can resolve."""
+    """What is compiled: how many of everything, and which materials and lights are of which kind."""
 
     spheres: int
     planes: int
@@ -34,7 +36,7 @@ class Shape:
                 *(f"[materials.m{i}]\nfresnel = {flag}" for i, flag in enumerate(flags)),
                 *(sphere([float(i), 0, 0], 0.3, f"m{i}") for i in range(self.spheres)),
                 *(plane([0, 1, 0], 2 + i, f"m{self.spheres + i}") for i in range(self.planes)),
-                *(f'[[lights]]\nposition = [1, 2, {i}]\nintensity = [1, 1, 1]\nfalloff = "{self.falloff(i)}"' for i in range(self.lights)),
+                *(f"[[lights]]\nposition = [1, 2, {i}]\n{LIGHT.format(self.falloff(i))}" for i in range(self.lights)),
             ]
         )
 
@@ -56,7 +58,10 @@ SHAPES = {
 def scene_of(loaded, numbers):
     """The scene with all of these numbers in place of its own."""
     old = loaded.parameters()
-    return loaded.replace({name: as_type(old[name], value) for name, value in numbers.items()})
+    values = {name: as_type(old[name], value) for name, value in numbers.items()}
+    # Numbers that Dr.Jit knows would be part of kernels, those of `numpy()` among them
+    dr.make_opaque(values)
+    return loaded.replace(values)
 
 
 def random_numbers(shape, seed):
@@ -72,7 +77,8 @@ def random_numbers(shape, seed):
         numbers |= {f"spheres.sphere{i}.center": centers[i], f"spheres.sphere{i}.radius": radii[i]}
     for i in range(shape.planes):
         normal = rng.normal(size=3)
-        numbers |= {f"planes.plane{i}.normal": normal / np.linalg.norm(normal), f"planes.plane{i}.offset": rng.uniform(-1, 3) * extent}
+        numbers[f"planes.plane{i}.normal"] = normal / np.linalg.norm(normal)
+        numbers[f"planes.plane{i}.offset"] = rng.uniform(-1, 3) * extent
     for i in range(shape.spheres + shape.planes):
         numbers |= {f"materials.m{i}.{key}": value for key, value in _material(rng).items()}
     for i in range(shape.lights):
