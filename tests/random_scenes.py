@@ -64,8 +64,12 @@ def scene_of(loaded, numbers):
     return loaded.replace(values)
 
 
-def random_numbers(shape, seed):
-    """Anything legal: spheres in each other's way, of radii from 1e-3 to 1e3, and lights and the camera anywhere."""
+def random_numbers(shape, seed, beside=0.0):
+    """Anything legal: spheres in each other's way, of radii from 1e-3 to 1e3, and lights and the camera anywhere.
+
+    Args:
+        beside: how far those that are on a surface are off it, relative to its radius; a rounding decides where 0 is.
+    """
     rng = np.random.default_rng(seed)
     wild = rng.random() < 0.3
     extent = 10 ** rng.uniform(-2, 2)
@@ -82,9 +86,9 @@ def random_numbers(shape, seed):
     for i in range(shape.spheres + shape.planes):
         numbers |= {f"materials.m{i}.{key}": value for key, value in _material(rng).items()}
     for i in range(shape.lights):
-        position = _place(rng, centers, radii, extent)
+        position = _place(rng, centers, radii, extent, beside)
         numbers |= {f"lights.light{i}.position": position, f"lights.light{i}.intensity": rng.uniform(0, 2, 3)}
-    position = _place(rng, centers, radii, extent)
+    position = _place(rng, centers, radii, extent, beside)
     look_at = position + rng.normal(size=3) * extent
     return numbers | {"camera.position": position, "camera.look_at": look_at, "camera.fov": rng.uniform(10, 150)}
 
@@ -103,14 +107,14 @@ def _material(rng):
     }
 
 
-def _place(rng, centers, radii, extent):
+def _place(rng, centers, radii, extent, beside):
     """A point outside or anywhere, in a sphere, at its center, or, but for a rounding, on it."""
     kind = rng.choice(["far", "anywhere", "in", "center", "on"], p=[0.5, 0.2, 0.15, 0.05, 0.1])
     if kind in ("far", "anywhere") or not len(radii):
         return rng.normal(size=3) * extent * (2 if kind == "far" else 0.5)
     i = rng.integers(len(radii))
     direction = rng.normal(size=3)
-    distance = {"in": rng.uniform(0, 1), "center": 0, "on": 1}[kind]
+    distance = {"in": rng.uniform(0, 1), "center": 0, "on": 1 + beside}[kind]
     return centers[i] + direction / np.linalg.norm(direction) * radii[i] * distance
 
 

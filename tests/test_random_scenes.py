@@ -16,6 +16,7 @@ import whitted as wt
 COUNT = int(os.environ.get("WHITTED_RANDOM_SCENES", "300"))
 SEEDS = range(-(-COUNT // len(SHAPES)))  # each shape's part of all scenes
 DEPTH = 4
+BESIDE = 0.01  # of a radius: on a surface, a rounding decides what a whole image shows
 
 
 @pytest.fixture(params=SHAPES)
@@ -44,7 +45,7 @@ def tolerance(loaded, numbers, image, amount=1e-14):
     return 1e4 * amount * (1 + abs(image)) + 30 * np.max(spread, axis=0)
 
 
-def check_derivatives(loaded, numbers, seed, **options):
+def check_derivatives(loaded, numbers, seed, agree=True, **options):
     """Image and derivatives are finite, and forward mode agrees with reverse mode."""
     values = scene_of(loaded, numbers).parameters()
     tangents = directions(values, seed)
@@ -58,6 +59,8 @@ def check_derivatives(loaded, numbers, seed, **options):
     weights = np.random.default_rng(seed).uniform(-1, 1, forward.shape)
     gradients = vjp(image, values, weights)
     assert not [name for name, value in gradients.items() if not np.isfinite(value).all()], seed
+    if not agree:
+        return
     # Both sum the same products in another order
     back = {name: gradients[name] * np.ravel(tangents[name]) for name in values}
     size = np.sum(abs(weights * forward)) + sum(np.sum(abs(value)) for value in back.values())
@@ -72,17 +75,20 @@ def test_plain_derivatives_are_finite_and_agree(shape, compiled):
 
 @pytest.mark.parametrize("name", ["floor", "ball", "glass"])
 def test_derivatives_at_edges_are_finite_and_agree(name, compiled):
-    """Of a tenth of the scenes, as finding edges takes longer."""
+    """Of a fifth of the scenes, as finding edges takes longer."""
     loaded = compiled(SHAPES[name].text)
     for seed in SEEDS[::10]:
-        check_derivatives(loaded, random_numbers(SHAPES[name], seed), seed)
+        check_derivatives(loaded, random_numbers(SHAPES[name], seed, BESIDE), seed)
+    # On a surface, roundings decide what the camera sees, and differently in kernels for either mode
+    for seed in SEEDS[5::10]:
+        check_derivatives(loaded, random_numbers(SHAPES[name], seed), seed, agree=False)
 
 
 def test_similarity_and_order_change_nothing(shape, compiled):
     loaded, rotation = compiled(shape.text), random_rotation(1)
     turned = with_up(loaded, rotation @ UP)
     for seed in SEEDS:
-        numbers = random_numbers(shape, seed)
+        numbers = random_numbers(shape, seed, BESIDE)
         image = plain(scene_of(loaded, numbers))
         moved = plain(scene_of(turned, random_similarity(seed, rotation)(shape, numbers)))
         assert (abs(moved - image) <= tolerance(loaded, numbers, image)).all(), seed
@@ -156,7 +162,7 @@ def test_clear_sphere_among_matte_things_changes_nothing(shape, compiled):
     loaded, scene = compiled(shape.text), with_clear(compiled, shape)
     black = ("reflection", "refraction", "intensity")
     for seed in SEEDS[::2]:
-        numbers = {name: value * (not name.endswith(black)) for name, value in random_numbers(shape, seed).items()}
+        numbers = {name: value * (not name.endswith(black)) for name, value in random_numbers(shape, seed, BESIDE).items()}
         rng = np.random.default_rng(seed)
         extent = np.linalg.norm(numbers["camera.look_at"] - numbers["camera.position"])
         image = plain(scene_of(loaded, numbers))
@@ -170,7 +176,7 @@ def test_clear_sphere_around_everything_changes_nothing(name, compiled):
     shape = SHAPES[name]
     loaded, scene = compiled(shape.text), with_clear(compiled, shape)
     for seed in SEEDS[::2]:
-        numbers = random_numbers(shape, seed) | {"background": np.zeros(3)}
+        numbers = random_numbers(shape, seed, BESIDE) | {"background": np.zeros(3)}
         image = plain(scene_of(loaded, numbers))
         assert (abs(plain(scene(numbers, [0, 0, 0], 1e5)) - image) <= tolerance(loaded, numbers, image)).all(), seed
 
@@ -180,7 +186,7 @@ def test_single_precision_agrees_with_double(name, compiled):
     shape = SHAPES[name]
     double, single = (compiled(shape.text, precision) for precision in ("double", "single"))
     for seed in SEEDS:
-        numbers = random_numbers(shape, seed)
+        numbers = random_numbers(shape, seed, BESIDE)
         image = plain(scene_of(double, numbers))
         error = abs(plain(scene_of(single, numbers)) - image)
         assert (error <= tolerance(double, numbers, image, 3e-7)).all(), seed
