@@ -154,16 +154,17 @@ def _check_output(output: Path) -> None:
 
 @contextmanager
 def _progress_bar() -> Iterator[Callable[[float], None]]:
-    """A callback for the fraction done, which shows a bar on standard error after a second."""
+    """A callback for the fraction done, which shows a bar on standard error, where that is a terminal, after a second."""
     from rich.console import Console
     from rich.progress import Progress
 
     start = time.monotonic()
-    with Progress(console=Console(stderr=True), transient=True, disable=True) as bar:
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=True) as bar:
         task = bar.add_task("rendering", total=1.0)
 
         def report(fraction: float) -> None:
-            if bar.disable and time.monotonic() - start > 1 and fraction < 1:
+            if bar.disable and console.is_terminal and time.monotonic() - start > 1 and fraction < 1:
                 bar.disable = False
                 bar.start()
             bar.update(task, completed=fraction)
