@@ -6,7 +6,6 @@ of the trees of rays is stored in between. Large images are rendered a band of r
 
 import math
 import os
-import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
@@ -28,8 +27,6 @@ BAND = 1 << 22
 MAX_SPP = 1 << 16
 # Edges that weigh less in a pixel are left to the samples, of which there are `side` along a pixel's side
 FAINT = 1 / 8
-# Frozen functions of Dr.Jit 1.5 that run in several threads at once hang or end the process
-ONE_AT_A_TIME = threading.RLock()
 
 
 def render(
@@ -68,24 +65,12 @@ def render(
         raise ValueError(f"max_depth: expected a whole number from 1 to {MAX_DEPTH}, got {max_depth!r}")
     width, height = _resolution(scene.resolution if resolution is None else resolution)
     _check_memory(width, height, dr.itemsize_v(scene.background))
-    with ONE_AT_A_TIME:
-        return _render(scene, (width, height), max_depth or scene.max_depth, side, boundary, terms, progress)
-
-
-def _render(
-    scene: Scene,
-    size: tuple[int, int],
-    depth: int,
-    side: int,
-    boundary: bool,
-    terms: str,
-    progress: Callable[[float], None] | None,
-) -> Array:
     parameters = scene.parameters()
     # A value that is part of the code would be a kernel of its own
     dr.make_opaque(parameters)
     wrt = {name: value for name, value in parameters.items() if dr.grad_enabled(value)}
     still = dr.detach(parameters) if wrt else parameters
+    size, depth = (width, height), max_depth or scene.max_depth
     job: _Job = _Job(scene, still, size, depth, side, progress)
     if boundary:
         job = _BoundaryJob(scene, still, size, depth, side, progress, terms, keep=bool(wrt))
@@ -118,12 +103,10 @@ class _Render(dr.CustomOp):
         return job.image()
 
     def forward(self):
-        with ONE_AT_A_TIME:
-            self.set_grad_out(self.job.tangent(self.wrt, self.grad_in("wrt")))
+        self.set_grad_out(self.job.tangent(self.wrt, self.grad_in("wrt")))
 
     def backward(self):
-        with ONE_AT_A_TIME:
-            self.set_grad_in("wrt", self.job.adjoint(self.wrt, self.grad_out()))
+        self.set_grad_in("wrt", self.job.adjoint(self.wrt, self.grad_out()))
 
 
 @dataclass(frozen=True)
