@@ -82,7 +82,7 @@ def run(name: str, function: Callable[[int], np.ndarray], rounds: int) -> bool:
     last = function(0)
     # Sums of a gradient over pixels may be added in another order
     error = abs(last - first).max() / abs(first).max()
-    print(f"{name}: {rounds} in {seconds:.0f} s, memory {before:.0f} MiB and {growth:+.1f}, {compiled} kernels compiled,", end=" ")
+    print(f"{name}: {rounds} in {seconds:.0f} s, memory {before:.0f} MiB and {growth:+.1f}, {compiled} compiled,", end=" ")
     print(f"last differs from first by {error:.1e}", flush=True)
     return growth < 20 and compiled == 0 and error <= 1e-6
 
