@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from . import __version__
 from .about import features, system
 from .convergence import figure_of
 from .experiments import Experiments
@@ -29,7 +28,13 @@ SCALING = {
 
 
 def chart(
-    scene: Path, folder: Path, *, size: tuple[int, int] | None = None, quick: bool = False, progress: Callable | None = None
+    scene: Path,
+    folder: Path,
+    release: str,
+    *,
+    size: tuple[int, int] | None = None,
+    quick: bool = False,
+    progress: Callable[[float, str], None] | None = None,
 ) -> Path:
     """Measure a scene, and write a report: an HTML page, plots, the numbers as CSV, and all that was measured as JSON.
 
@@ -38,6 +43,7 @@ def chart(
     Args:
         scene: a scene file.
         folder: is made if it is not there.
+        release: of this package, for the report.
         size: width and height of the images whose errors are measured [default: 192 x 192, or 96 x 96 if quick].
         quick: fewer samples, rounds and sizes.
         progress: called with the fraction done, in (0, 1], and the name of the group that comes next.
@@ -54,7 +60,7 @@ def chart(
     size = size or ((96, 96) if quick else (192, 192))
     experiments = Experiments(scene, size, quick)
     folder.mkdir(exist_ok=True)
-    facts = conditions(scene, experiments)
+    facts = conditions(scene, release, experiments)
     store = Store(folder / "measured.json", facts)
     groups: dict[str, Rows] = {}
     for k, (name, measure) in enumerate(experiments.groups.items()):
@@ -68,7 +74,7 @@ def chart(
     return page
 
 
-def conditions(scene: Path, experiments: Experiments) -> dict[str, Any]:
+def conditions(scene: Path, release: str, experiments: Experiments) -> dict[str, Any]:
     """What the measurements depend on."""
     facts = system()
     return {
@@ -83,7 +89,7 @@ def conditions(scene: Path, experiments: Experiments) -> dict[str, Any]:
         "Dr.Jit": facts["Dr.Jit"],
         "libLLVM": Path(facts["libLLVM"].split(" ")[0]).name,
         "Python": platform.python_version(),
-        "whitted": __version__,
+        "whitted": release,
     }
 
 

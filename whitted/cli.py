@@ -196,11 +196,13 @@ def chart(
     size: Size = None,
 ) -> None:
     """Measure a scene's speed against its accuracy, and write a report; an interrupted run goes on where it was."""
+    from . import __version__
     from .chart import chart as measure
 
     _check_folder(output)
     with _progress_bar("measuring") as progress:
-        page = measure(scene, output, size=_size(size) if size else None, quick=quick, progress=lambda done, _: progress(done))
+        resolution = _size(size) if size else None
+        page = measure(scene, output, __version__, size=resolution, quick=quick, progress=lambda done, _: progress(done))
     typer.echo(f"wrote {page}")
 
 
@@ -275,16 +277,17 @@ def _check_output(output: Path) -> None:
 
 @contextmanager
 def _progress_bar(title: str = "rendering") -> Iterator[Callable[[float], None]]:
-    """A callback for the fraction done, which shows a bar on standard error after a second."""
+    """A callback for the fraction done, which shows a bar on standard error, where that is a terminal, after a second."""
     from rich.console import Console
     from rich.progress import Progress
 
     start = time.monotonic()
-    with Progress(console=Console(stderr=True), transient=True, disable=True) as bar:
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=True) as bar:
         task = bar.add_task(title, total=1.0)
 
         def report(fraction: float) -> None:
-            if bar.disable and time.monotonic() - start > 1 and fraction < 1:
+            if bar.disable and console.is_terminal and time.monotonic() - start > 1 and fraction < 1:
                 bar.disable = False
                 bar.start()
             bar.update(task, completed=fraction)

@@ -4,7 +4,9 @@ EXR holds linear radiance as float32 R, G, B in ZIP-compressed scanlines. PNG ho
 to [0, 1] first, and encoded by IEC 61966-2-1.
 """
 
+import contextlib
 import errno
+import mmap
 import os
 import secrets
 from collections.abc import Callable, Mapping
@@ -111,8 +113,36 @@ def _write_exr(path: Path, pixels: np.ndarray, metadata: Mapping[str, str | int 
     try:
         with OpenEXR.File(header, {"RGB": pixels}) as file:
             file.write(str(path))
+        whole = _ends_with_its_last_chunk(path, -(-len(pixels) // 16))
     except RuntimeError:
-        raise OSError(errno.EIO, "cannot be written; is the disk full?", str(path)) from None
+        whole = False
+    if not whole:
+        raise OSError(errno.EIO, "cannot be written; is the disk full?", str(path))
+
+
+def _ends_with_its_last_chunk(path: Path, chunks: int) -> bool:
+    """Whether an EXR is whole, as OpenEXR is silent where the last buffer of its stream could not be written."""
+    with path.open("rb") as file, contextlib.suppress(ValueError):
+        if not os.fstat(file.fileno()).st_size:
+            return False
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            # Each attribute of the header is a name, a type, a length and as many bytes; then offsets of the chunks
+            place = 8
+            while data[place : place + 1] not in (b"\0", b""):
+                value = _after_zero(data, _after_zero(data, place))
+                place = value + 4 + int.from_bytes(data[value : value + 4], "little")
+            last = place + 1 + 8 * (chunks - 1)
+            chunk = int.from_bytes(data[last : last + 8], "little")
+            return len(data) == chunk + 8 + int.from_bytes(data[chunk + 4 : chunk + 8], "little") and chunk > last
+    return False
+
+
+def _after_zero(data: mmap.mmap, place: int) -> int:
+    """The place behind the next zero byte."""
+    found = data.find(b"\0", place)
+    if found < 0:
+        raise ValueError("the file ends in its header")
+    return found + 1
 
 
 def _write_png(path: Path, pixels: np.ndarray) -> None:
