@@ -1,0 +1,64 @@
+"""Settings chosen for an error: met by the image, refused where they cannot be."""
+
+import drjit as dr
+import numpy as np
+import pytest
+from samples import CAMERA, MATERIALS, SKY, sphere
+
+import whitted as wt
+from whitted.accuracy import Setting, measured, recommend
+
+BALLS = SKY + "max_depth = 1\n" + CAMERA + MATERIALS + sphere([0, 0, 0], 0.9, "red") + sphere([1, 0.5, -1], 0.8, "checks_less")
+
+
+@pytest.fixture(scope="module")
+def balls(tmp_path_factory):
+    path = tmp_path_factory.mktemp("accuracy") / "scene.toml"
+    path.write_text(BALLS.replace("checks_less", "coat").replace("reflection = 0.7", "reflection = 0"))
+    return wt.load_scene(path)
+
+
+@pytest.mark.parametrize("error", [0.05, 0.02, 0.005])
+def test_errors_are_met(balls, error):
+    resolution = (160, 120)
+    reference = wt.render(balls, 1024, boundary=False, resolution=resolution).numpy()
+    image = wt.render(balls, error=error, resolution=resolution).numpy()
+    assert np.sqrt(np.mean((image - reference) ** 2)) <= error * np.sqrt(np.mean(reference**2))
+
+
+def test_the_cheapest_good_setting_is_taken(balls, monkeypatch):
+    settings = [Setting(1, False, 0.1, 1.0), Setting(1, True, 0.01, 3.0), Setting(16, False, 0.008, 4.0)]
+    monkeypatch.setattr("whitted.accuracy.measured", lambda *_: settings)
+    assert recommend(balls, 0.2).spp == 1
+    assert recommend(balls, 0.05).boundary
+    with pytest.raises(ValueError, match=r"0\.005 is below what is tried; about 0\.0092 is the least"):
+        recommend(balls, 0.005)
+    expected = wt.render(balls, 1, boundary=True, resolution=(16, 12)).numpy()
+    np.testing.assert_array_equal(wt.render(balls, error=0.05, resolution=(16, 12)).numpy(), expected)
+
+
+def test_larger_images_have_smaller_errors(balls):
+    """By the fourth root of the number of pixels; and they take longer."""
+    small, large = (measured(balls, None, (side, side)) for side in (128, 512))
+    for one, other in zip(small, large, strict=True):
+        assert other.error == pytest.approx(one.error * 0.5, rel=1e-6)
+        assert other.cost > one.cost
+
+
+def test_gradients_pass(balls):
+    values = balls.parameters("ambient")
+    dr.enable_grad(values)
+    dr.backward(dr.mean(wt.render(balls.replace(values), error=0.05, resolution=(16, 12)), axis=None))
+    assert np.all(values["ambient"].grad.numpy() > 0)
+
+
+@pytest.mark.parametrize("error", [0, -1, float("nan"), float("inf"), "small"])
+def test_bad_errors(balls, error):
+    with pytest.raises(ValueError, match="expected a relative error above 0"):
+        wt.render(balls, error=error)
+
+
+@pytest.mark.parametrize("also", [{"spp": 4}, {"boundary": False}])
+def test_error_takes_the_place_of_others(balls, also):
+    with pytest.raises(ValueError, match=f"chooses {next(iter(also))} itself"):
+        wt.render(balls, error=0.1, **also)
