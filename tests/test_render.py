@@ -1,5 +1,6 @@
 """The image as one operation: its arguments, bands, kernels and derivatives as a whole."""
 
+import subprocess
 import sys
 
 import drjit as dr
@@ -284,3 +285,27 @@ def test_depths_in_any_order(load, name):
 def test_room_is_seen_by_all_depths_the_same_where_nothing_reflects(load):
     loaded = load(scene(three("red", "red", "red"), ROOM))
     np.testing.assert_array_equal(render(loaded, max_depth=1).numpy(), render(loaded, max_depth=9).numpy())
+
+
+THREADS = """
+import sys, threading
+import numpy as np
+import whitted as wt
+
+scene = wt.load_scene(sys.argv[1])
+found = [[] for _ in range(4)]
+threads = [threading.Thread(target=lambda k=k: found[k].extend(wt.render(scene).numpy() for _ in range(5))) for k in range(4)]
+for thread in threads: thread.start()
+for thread in threads: thread.join()
+assert all(len(images) == 5 for images in found)
+for images in found:
+    for image in images: np.testing.assert_array_equal(image, found[0][0])
+"""
+
+
+def test_threads_get_the_same_images(tmp_path):
+    """In a process of its own, as threads that wait for each other would hang this one."""
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENES["all"])
+    done = subprocess.run([sys.executable, "-c", THREADS, str(path)], timeout=120, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

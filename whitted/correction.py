@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
+from functools import partial
 
 import drjit as dr
 import numpy as np
@@ -91,24 +92,26 @@ class Correction:
 
     def adjoint(self, wrt: dict, image: Array, terms: str) -> dict:
         """The derivatives of dot(image, pixels) by the parameters `wrt`."""
-        band, parts = self.band, []
+        band, calls = self.band, []
+        # All inputs come first: making one waits for the kernels before it
         seeds = image.numpy().reshape(-1, 3)
         if terms != "boundary":
             inputs = band.shape, band.parameters, band.film(0), band.limits, wrt, image
-            parts.append(wavefront.image_vjp(*inputs, self.weights))
+            calls.append(partial(wavefront.image_vjp, *inputs, self.weights))
             for fine in self.fine():
                 seed = band.color(_channels(seeds, fine.pixel) * fine.weight)
-                parts.append(probe.samples_vjp(*band.inputs, wrt, seed, *band.lanes(fine.x, fine.y)))
+                calls.append(partial(probe.samples_vjp, *band.inputs, wrt, seed, *band.lanes(fine.x, fine.y)))
             for stretches in self.stretches:
                 stretch = Stretch(*band.lanes(*stretches.numbers.values()))
                 both = (band.color(_channels(seeds, pixel)) for pixel in stretches.pixel)
-                parts.append(probe.stretches_vjp(*band.inputs, wrt, stretch, *both))
+                calls.append(partial(probe.stretches_vjp, *band.inputs, wrt, stretch, *both))
         if terms != "interior":
             for edges in self.edges:
                 by_pixel = ((_channels(seeds, pixel) * edges.jump).sum(0) for pixel in edges.pixel)
                 seed = sum(change * value for change, value in zip(edges.change, by_pixel, strict=True))
                 seed, x, y = band.lanes(seed, edges.x, edges.y)
-                parts.append(probe.levels_vjp(*band.inputs, wrt, seed, x, y, _edge(edges.edge)))
+                calls.append(partial(probe.levels_vjp, *band.inputs, wrt, seed, x, y, _edge(edges.edge)))
+        parts = [call() for call in calls]
         return {name: sum((part[name] for part in parts), start=dr.zeros(type(value))) for name, value in wrt.items()}
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import drjit as dr
 import numpy as np
 from drjit.llvm import ad
 
@@ -65,13 +66,11 @@ def lanes(array: np.ndarray) -> Array:
 
 
 def aligned(array: np.ndarray, length: int) -> Array:
-    """A Dr.Jit array in memory of the alignment of Dr.Jit's, as one of another would get a kernel of its own."""
-    size = length * array.itemsize
-    memory = np.empty(size + 63, np.uint8)
-    first = -memory.ctypes.data % 64
-    result = memory[first : first + size].view(array.dtype)
-    result[: len(array)], result[len(array) :] = array, 0
-    return getattr(ad, KINDS[array.dtype.name])(result)
+    """A Dr.Jit array in Dr.Jit's memory, as one in NumPy's, of another alignment, would get a kernel of its own."""
+    result = dr.empty(getattr(ad, KINDS[array.dtype.name]), length)
+    memory = result.numpy()
+    memory[: len(array)], memory[len(array) :] = array, 0
+    return result
 
 
 def rows(value: Array, which: slice | np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ of the trees of rays is stored in between. Large images are rendered a band of r
 
 import math
 import os
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
@@ -25,6 +26,9 @@ from .trace import Limits
 # Samples in a band: enough to keep all cores busy, few enough to report progress and to stop between two of them
 BAND = 1 << 22
 MAX_SPP = 1 << 16
+# Dr.Jit's frozen functions cannot be entered by two threads at once; derivatives are for one thread at a time, as Dr.Jit's
+# own work on them in another thread can wait for what waits for it
+LOCK = threading.RLock()
 # Edges that weigh less in a pixel are left to the samples, of which there are `side` along a pixel's side
 FAINT = 1 / 8
 
@@ -74,7 +78,8 @@ def render(
     job: _Job = _Job(scene, still, size, depth, side, progress)
     if boundary:
         job = _BoundaryJob(scene, still, size, depth, side, progress, terms, keep=bool(wrt))
-    return dr.custom(_Render, wrt, job) if wrt else job.image()
+    with LOCK:
+        return dr.custom(_Render, wrt, job) if wrt else job.image()
 
 
 def _whole(value: object, low: int, high: int) -> bool:
