@@ -72,6 +72,8 @@ from .region import LANES, SAMPLES, Band, chunks, number, rows
 
 # Edges between samples that differ less, relative to the brighter one and for one sample a pixel, are left to the samples
 CONTRAST = 1 / 32
+# A share of an edge that is not worth samples of its own
+SLIGHT = 0.1
 # Searches for edges in what is left of a segment; a third with a single sample a pixel
 ROUNDS = 6
 
@@ -176,7 +178,7 @@ class _Search:
             if self.keep:
                 along, weight, rising = (value.numpy().take(lane) for value in (crossing.along, crossing.weight, crossing.rising))
                 kind = crossing.edge.event.kind.numpy().take(lane)
-                singular = (kind == SILHOUETTE) | (kind == TOTAL)
+                singular = ((kind == SILHOUETTE) | (kind == TOTAL)) & (weight > SLIGHT)
                 groups.append(Crossings(pair, along, jump, rows(crossing.change, lane), weight, rising, singular))
                 edges.append(numbers_of(crossing.edge, lane))
         if any(groups):
