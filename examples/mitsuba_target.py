@@ -17,11 +17,10 @@ import whitted as wt
 FLOOR, BALL = [0.5, 0.5, 0.45], [0.7, 0.2, 0.15]
 
 
-def picture(size: int, glass: bool) -> np.ndarray:
-    """Mitsuba's picture of the scene in foreign.toml."""
+def description(size: int, glass: bool) -> dict:
+    """Mitsuba's scene like that of foreign.toml, or of foreign_glass.toml."""
     import mitsuba as mi
 
-    mi.set_variant("llvm_ad_rgb")
     look = mi.ScalarTransform4f().look_at(origin=[0, 1.5, 5], target=[0, 0, 0], up=[0, 1, 0])
     wide = mi.ScalarTransform4f().translate([0, -1, 0]).rotate([1, 0, 0], -90).scale(50)
     floor, matte = ({"type": "diffuse", "reflectance": {"type": "rgb", "value": color}} for color in (FLOOR, BALL))
@@ -46,7 +45,15 @@ def picture(size: int, glass: bool) -> np.ndarray:
             "radius": 0.7,
             "bsdf": {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0},
         }
-    return np.array(mi.render(mi.load_dict(scene)))
+    return scene
+
+
+def picture(size: int, glass: bool) -> np.ndarray:
+    """Mitsuba's picture of it."""
+    import mitsuba as mi
+
+    mi.set_variant("llvm_ad_rgb")
+    return np.array(mi.render(mi.load_dict(description(size, glass))))
 
 
 if __name__ == "__main__":

@@ -209,10 +209,15 @@ def cpu_seconds(pid):
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
+def heed():
+    """Do not ignore Ctrl-C, as what a shell runs in the background does."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_interrupt_leaves_nothing(tmp_path):
     """Ctrl-C in a render that would take minutes: exit status 130, no file."""
     command = [sys.executable, "-m", "whitted.cli", "render", str(SCENE), "-o", str(tmp_path / "a.exr"), "--spp", "4096"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True, preexec_fn=heed)
     while cpu_seconds(process.pid) < 5:
         assert process.poll() is None
         time.sleep(0.1)

@@ -37,13 +37,13 @@ def run(monkeypatch, tmp_path, capsys):
 
 def test_all_examples_are_tested():
     scripts = {path.stem for path in EXAMPLES.glob("*.py")}
-    assert scripts == {*ALLOWED, "common", "with_torch", "mitsuba_target"}
+    assert scripts == {*ALLOWED, "common", "with_torch", "mitsuba_target", "mitsuba_position"}
 
 
 @pytest.mark.parametrize("name", ALLOWED)
 def test_example_recovers_its_scene(name, run, tmp_path):
     size, allowed = ALLOWED[name]
-    text = run(name, size)
+    text = "\n" + run(name, size)
     rows = LINE.findall(text[text.rindex("\n\n") :])
     assert rows
     for label, true, start, found, *_ in rows:

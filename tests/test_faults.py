@@ -27,6 +27,7 @@ def start(out, *options, limits=(), cache=None, **more):
 
     def limit():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # a full disk is an error of the write, not a signal
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # what a shell runs in the background ignores it
         for kind, value in limits:
             resource.setrlimit(kind, (value, value))
 
