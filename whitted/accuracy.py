@@ -37,11 +37,11 @@ class Setting:
     cost: float  # expected, in seconds
 
 
-def render(scene: Scene, spp: int | None = None, *, error: float | None = None, **options: Any) -> Array:
+def render(scene: Scene, spp: int = 1, *, error: float | None = None, **options: Any) -> Array:
     """Render a scene, differentiably in the parameters that `Scene.replace` gave it.
 
     Args:
-        spp: samples a pixel, a perfect square n * n [default: 1].
+        spp: samples a pixel, a perfect square n * n.
         error: choose spp and boundary so that the relative error (RMSE over the image's root mean square) is at most
             this, and the cost is least; takes the place of both.
         options: `boundary`, `terms`, `max_depth`, `resolution` and `progress` of `whitted.render.render`: edges are found
@@ -54,9 +54,9 @@ def render(scene: Scene, spp: int | None = None, *, error: float | None = None, 
         ValueError: an argument is out of range, or the image does not fit in memory.
     """
     if error is None:
-        return render_samples(scene, 1 if spp is None else spp, **options)
-    for name, value in (("spp", spp), ("boundary", options.get("boundary"))):
-        if value is not None:
+        return render_samples(scene, spp, **options)
+    for name, given in (("spp", spp != 1), ("boundary", "boundary" in options)):
+        if given:
             raise ValueError(f"error: chooses {name} itself; leave {name} out, or error")
     chosen = recommend(scene, error, options.get("max_depth"), options.get("resolution"))
     return render_samples(scene, chosen.spp, **{**options, "boundary": chosen.boundary})

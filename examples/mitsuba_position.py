@@ -1,0 +1,58 @@
+"""The matte ball's position by Mitsuba 3's own gradients, `prb` and `prb_projective`, beside ours; needs the extra `mitsuba`.
+
+All start at the same place, and take as many steps of Adam at the same rate; Mitsuba's target is its own picture.
+"""
+
+import drjit as dr
+import numpy as np
+from common import HERE, arguments
+from mitsuba_target import description
+
+import whitted as wt
+
+START, TRUE = np.array([0.7, -0.3, -0.8]), np.array([0.9, -0.4, -0.6])
+STEPS, RATE = 60, 0.01
+
+
+def theirs(size: int, integrator: str) -> np.ndarray:
+    """Where Mitsuba's gradients lead."""
+    import mitsuba as mi
+
+    mi.set_variant("llvm_ad_rgb")
+    target = mi.render(mi.load_dict(description(size, glass=False)), spp=256)
+    moved = description(size, glass=False)
+    moved["matte"] |= {"center": [0, 0, 0], "radius": 1}
+    moved["matte"]["to_world"] = mi.ScalarTransform4f().translate(START.tolist()).scale(0.6)
+    moved["integrator"] = {"type": integrator, "max_depth": 8}
+    scene = mi.load_dict(moved)
+    parameters = mi.traverse(scene)
+    optimiser = mi.ad.Adam(lr=RATE)
+    optimiser["place"] = mi.Point3f(*START.tolist())
+    for step in range(STEPS):
+        parameters["matte.to_world"] = mi.Transform4f().translate(optimiser["place"]).scale(0.6)
+        parameters.update()
+        image = mi.render(scene, parameters, spp=16, seed=step)
+        dr.backward(dr.mean(dr.square(image - target), axis=None))
+        optimiser.step()
+    return optimiser["place"].numpy().ravel()
+
+
+def ours(size: int) -> np.ndarray:
+    """Where ours do, at one sample a pixel."""
+    scene, resolution = wt.load_scene(HERE / "foreign.toml"), (size, size)
+    target = wt.render(scene, 16, resolution=resolution)
+    optimiser = dr.opt.Adam(RATE, params=scene.parameters("spheres.matte.center"))
+    optimiser["spheres.matte.center"] = type(optimiser["spheres.matte.center"])(*START.tolist())
+    for _ in range(STEPS):
+        image = wt.render(scene.replace(optimiser), resolution=resolution)
+        dr.backward(dr.mean(dr.square(image - target), axis=None))
+        optimiser.step()
+    return optimiser["spheres.matte.center"].numpy().ravel()
+
+
+if __name__ == "__main__":
+    asked = arguments(__doc__)
+    found = {"ours": ours(asked.size)} | {name: theirs(asked.size, name) for name in ("prb", "prb_projective")}
+    print(f"{'':16}{'x':>9}{'y':>9}{'z':>9}   distance to the truth; at the start {np.linalg.norm(START - TRUE):.4f}")
+    for name, place in found.items():
+        print(f"{name:16}{place[0]:9.4f}{place[1]:9.4f}{place[2]:9.4f}   {np.linalg.norm(place - TRUE):.4f}")
