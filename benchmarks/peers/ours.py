@@ -1,0 +1,45 @@
+"""This project, without edges or with: ours.py plain|boundary."""
+
+import sys
+
+import common
+
+
+class Ours(common.Peer):
+    """The image and its gradient, whole calls."""
+
+    def __init__(self, boundary: bool) -> None:
+        import drjit as dr
+
+        import whitted as wt
+
+        self.dr, self.wt, self.boundary = dr, wt, boundary
+        self.scene = wt.load_scene(common.SCENE)
+
+    def changed(self) -> dict:
+        """The parameters, one a little different each time."""
+        parameters = self.scene.parameters(*common.NAMES)
+        parameters["spheres.sphere0.center"] += 1e-6
+        self.dr.eval(parameters)
+        return parameters
+
+    def image(self):
+        image = self.wt.render(self.scene.replace(self.changed()), boundary=self.boundary)
+        self.dr.eval(image)
+        self.dr.sync_thread()
+        return image
+
+    def gradient(self, loss=None) -> list[float]:
+        dr, parameters = self.dr, self.changed()
+        dr.enable_grad(parameters)
+        image = self.wt.render(self.scene.replace(parameters), boundary=self.boundary)
+        dr.backward(loss(image) if loss else dr.mean(dr.square(image), axis=None))
+        return common.flat(dr.grad(parameters))
+
+    def sums(self) -> dict[str, float]:
+        found = self.gradient(lambda image: self.dr.sum(image, axis=None))
+        return {name: found[place] for name, place in common.PROBES.items()}
+
+
+if __name__ == "__main__":
+    common.serve(lambda: Ours(sys.argv[1] == "boundary"))
