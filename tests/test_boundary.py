@@ -55,41 +55,6 @@ def derivative(loaded, name, component=0, **options):
 # Closed forms
 
 
-def silhouette(load, precision):
-    """A sphere of radiance 1 on the axis, which covers pi f^2 r^2 / (d^2 - r^2) pixels (stress case 25)."""
-    text = GLOW + AHEAD.replace("[32, 32]", "[256, 256]") + material("one", color=[1, 1, 1]) + ball([0, 0, 0], 0.9, "one")
-    f2, r, d = (128 / np.tan(np.deg2rad(20))) ** 2, 0.9, 4.0
-    area, by_radius = np.pi * f2 * r**2 / (d**2 - r**2), 2 * np.pi * f2 * r * d**2 / (d**2 - r**2) ** 2
-    by_distance = -2 * np.pi * f2 * r**2 * d / (d**2 - r**2) ** 2
-    loaded = load(text, precision)
-    return loaded, area, [("spheres.sphere0.radius", 0, by_radius), ("camera.position", 2, by_distance)]
-
-
-def shadow(load, precision):
-    """The shadow of a sphere above the camera on the plane below it (stress case 24), which a light at H shades by cos."""
-    high, at, r, f2 = 4.0, 2.0, 0.4, 128.0**2
-    camera = "[camera]\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\nup = [0, 0, -1]\nfov = 90\nresolution = [256, 256]\n"
-    one = material("one", color=[1, 1, 1])
-    text = camera + one + ball([0, at, 0], r, "one") + wall([0, 1, 0], 0, "one") + light([0, high, 0])
-    s = r / (high - at)
-    disc, slope = high * np.tan(np.arcsin(s)), high / (1 - s**2) ** 1.5
-    edge = -2 * np.pi * f2 * disc * high / np.hypot(high, disc)
-    loaded = load(text, precision)
-    by_radius, by_height = edge * slope / (high - at), edge * slope * r / (high - at) ** 2
-    return loaded, None, [("spheres.sphere0.radius", 0, by_radius), ("spheres.sphere0.center", 1, by_height)]
-
-
-@pytest.mark.parametrize("case", [silhouette, shadow])
-def test_closed_form(load, precision, case):
-    loaded, area, slopes = case(load, precision)
-    tolerance = 1e-3 if precision == "double" else 5e-3
-    if area is not None:
-        assert render(loaded, 16).numpy()[..., 0].sum(dtype=float) == pytest.approx(area, rel=tolerance)
-    for name, component, expected in slopes:
-        image = derivative(loaded, name, component, spp=16)
-        assert image[..., 0].sum(dtype=float) == pytest.approx(expected, rel=tolerance), name
-
-
 # Each kind of edge
 
 KINDS = {

@@ -239,3 +239,23 @@ def test_optimiser_takes_parameters_as_they_are(load):
     # All of both brighten the image, so that Adam's first step takes its rate off each number
     for name in ("materials.red.color", "background"):
         np.testing.assert_allclose(moved[name], np.array(EXPECTED[name]) - 0.01, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("spheres.ball.radius", -0.25, r"spheres.ball.radius = -0.25: expected a number in \(0, inf\); bound the steps"),
+        ("materials.red.ior", 0, r"materials.red.ior = 0: expected a number in \(0, inf\)"),
+        ("materials.red.shininess", -1, r"materials.red.shininess = -1: expected a number in \(0, inf\)"),
+        ("camera.fov", 180, r"camera.fov = 180: expected a number in \(0, 180\)"),
+        ("spheres.ball.center", [0, math.nan, 1], r"spheres.ball.center = 0, nan, 1: expected finite numbers"),
+        ("planes.plane0.normal", [0, 0, 0], r"planes.plane0.normal = 0, 0, 0: expected a direction"),
+    ],
+)
+def test_steps_of_an_optimiser_that_make_no_sense(load, name, value, message):
+    scene = load(TEXT)
+    params = scene.parameters(name)
+    params[name] = type(params[name])(value)
+    dr.enable_grad(params)
+    with pytest.raises(ValueError, match=message):
+        scene.replace(params)

@@ -295,6 +295,30 @@ def _progress_bar(title: str = "rendering") -> Iterator[Callable[[float], None]]
         yield report
 
 
+@app.command(
+    epilog="Examples:  whitted stress -o stress   |   whitted stress 3 critical-angle -o stress",
+)
+def stress(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for report.html, results.csv and the charts.")],
+    cases: Annotated[list[str] | None, typer.Argument(metavar="[CASE]...", help="Numbers or names [default: all].")] = None,
+) -> int:
+    """Run the cases that are hard for ray tracers, in both precisions; the exit status is 1 where one fails."""
+    from . import stress as suite
+    from . import stress_report
+    from .convergence import figure_of
+
+    chosen = suite.choose(cases or [])
+    _check_folder(output)
+    figure_of(1)
+    output.mkdir(exist_ok=True)
+    typer.echo(suite.HEADER)
+    results = suite.run(chosen, lambda result: typer.echo(suite.line(result)))
+    *charts, _, page = stress_report.write(output, results)
+    failed = sum(not result.passed for result in results)
+    typer.echo(f"{len(results)} results, {failed} failed; wrote {page} with {len(charts)} charts")
+    return 1 if failed else 0
+
+
 @app.command(epilog="Example:  whitted info")
 def info() -> None:
     """Tell which Dr.Jit, LLVM and threads are used, and what is missing."""

@@ -6,6 +6,7 @@ other than 0, which are those that the file sets so and all that `replace` has t
 """
 
 import difflib
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -65,6 +66,9 @@ PARAMETERS = {
     "camera": ("position", "look_at", "fov"),
 }
 
+# Open ranges outside of which these have no meaning
+RANGES = {"radius": (0.0, math.inf), "ior": (0.0, math.inf), "shininess": (0.0, math.inf), "fov": (0.0, 180.0)}
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -103,11 +107,14 @@ class Scene:
 
         Raises:
             KeyError: a name that the scene does not have; the message lists the nearest ones.
-            ValueError: a value that is not one scalar, or not one vector, as its parameter is.
+            ValueError: a value that is not one scalar, or not one vector, as its parameter is; or that has no meaning: one
+                that is not finite, a radius, index or shininess that is not above 0, a field of view not in (0, 180).
         """
         known = self._locations
         _check_names(values.keys(), known)
-        scene = self.carrying({name: _as_parameter(name, value, self._read(known[name])) for name, value in values.items()})
+        arrays = {name: _as_parameter(name, value, self._read(known[name])) for name, value in values.items()}
+        _check_values(arrays)
+        scene = self.carrying(arrays)
         nonzero = tuple(sorted({*self.nonzero, *values.keys()}))
         return scene._with({"nonzero": nonzero})
 
@@ -219,6 +226,23 @@ def _as_parameter(name: str, value: object, old: Array) -> Array:
     if numbers.size != size or not np.isfinite(numbers).all():
         raise ValueError(f"{name}: expected {want}, got {value!r}")
     return type(old)(*numbers.tolist())
+
+
+def _check_values(arrays: Mapping[str, Array]) -> None:
+    """Refuse numbers that have no meaning, as a step of an optimiser may bring them; not while a kernel is recorded."""
+    if dr.flag(dr.JitFlag.SymbolicScope) or dr.flag(dr.JitFlag.FreezingScope):
+        return
+    known = {name: dr.detach(array) for name, array in arrays.items()}
+    dr.eval(known)
+    for name, array in known.items():
+        numbers = [part[0] for part in array] if dr.depth_v(array) == 2 else [array[0]]
+        low, high = RANGES.get(name.rpartition(".")[2], (-math.inf, math.inf))
+        told = f"{name} = {', '.join(f'{x:g}' for x in numbers)}"
+        if not all(low < x < high for x in numbers):
+            finite = "finite numbers" if math.isinf(low) else f"a number in ({low:g}, {high:g})"
+            raise ValueError(f"{told}: expected {finite}; bound the steps of the optimiser")
+        if name.endswith(".normal") and not any(numbers):
+            raise ValueError(f"{told}: expected a direction")
 
 
 def starts_on(scene: Scene, source: Array, primitive: int) -> Array:

@@ -1,0 +1,107 @@
+"""The stress suite: every case, and that it notices what is wrong."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from whitted import hard_optics, stress
+from whitted.cli import run
+from whitted.hard_case import PRECISIONS, Case, Chart, Check, Curve
+from whitted.stress_report import breaking, told_break
+
+
+@pytest.mark.parametrize("precision", PRECISIONS, ids=lambda precision: precision.name)
+@pytest.mark.parametrize("case", stress.CASES, ids=stress.slug)
+def test_case(case, precision):
+    checks = list(case.checks(precision))
+    assert checks
+    assert [check for check in checks if not check.passed] == []
+
+
+def test_every_case_of_the_list_is_there():
+    assert [case.number for case in stress.CASES] == list(range(1, 32))
+    assert len({stress.slug(case) for case in stress.CASES}) == 31
+
+
+@pytest.mark.parametrize("case", [case for case in stress.CASES if case.number in (1, 11, 14, 18)], ids=stress.slug)
+def test_charts_show_where_methods_break(case):
+    """Of two methods, or of two precisions, one breaks and the other does not, or does so later."""
+    chart = case.chart()
+    told = [told_break(curve, chart) for curve in chart.curves]
+    assert any("breaks" in text for text in told)
+    assert len({text.partition(":")[2] for text in told}) > 1
+
+
+def test_report(tmp_path, capsys):
+    assert run(["stress", "9", "brewster-angle", "tangent-ray", "-o", str(tmp_path / "out")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[1:-1]] == ["1", "1", "9", "9", "10", "10"]
+    assert "6 results, 0 failed" in lines[-1]
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "1. tangent ray" in page
+    assert "src='01-tangent-ray.png'" in page
+    assert (tmp_path / "out" / "01-tangent-ray.png").read_bytes().startswith(b"\x89PNG")
+    with (tmp_path / "out" / "results.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["number"] for row in rows} == {"1", "9", "10"}
+    assert {row["result"] for row in rows} == {"pass"}
+
+
+def test_failure_is_told(tmp_path, capsys, monkeypatch):
+    """A reflectance that is off by 1e-4 fails in both precisions, and so does the command."""
+    right = hard_optics.fresnel
+    monkeypatch.setattr(hard_optics, "fresnel", lambda *args: right(*args) * 1.0001)
+    assert run(["stress", "9", "-o", str(tmp_path / "out")]) == 1
+    told = capsys.readouterr().out
+    assert told.count("FAIL") == 6  # a value and two derivatives, in two precisions
+    assert "2 results, 2 failed" in told
+    assert "<span class=FAIL>2 failed</span>" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_case_that_raises_fails():
+    def broken(precision):
+        yield Check("first", 0, 0)
+        raise ZeroDivisionError("by zero")
+
+    results = stress.run([Case(1, "broken", "", "", broken)])
+    assert [result.passed for result in results] == [False, False]
+    assert results[0].tightest.what == "ZeroDivisionError: by zero"
+
+
+@pytest.mark.parametrize(
+    ("error", "bound", "passed"), [(0, 0, True), (1, 2, True), (2, 1, False), (np.nan, 1, False), (1, 0, False)]
+)
+def test_check(error, bound, passed):
+    check = Check("", error, bound)
+    assert check.passed == passed
+    assert (check.share <= 1) == passed
+
+
+@pytest.mark.parametrize(
+    ("errors", "at", "told"),
+    [
+        ([1e-3, 1e-3], None, "holds"),
+        ([1e-3, 1e-3, 1, 1e-3, 1], 2, "breaks at 3"),
+        ([1, 1, 1e-3], 1, "breaks at 2"),
+        ([1e-3, np.nan], 1, "breaks at 2"),
+        ([1, np.inf], 0, "broken throughout"),
+    ],
+)
+def test_where_a_method_breaks(errors, at, told):
+    curve = Curve("it", np.arange(1, len(errors) + 1), np.array(errors))
+    chart = Chart("", "", "", (curve,), 0.1)
+    assert breaking(curve, chart) == at
+    assert told_break(curve, chart) == f"it: {told}"
+
+
+def test_unknown_case(tmp_path, capsys):
+    assert run(["stress", "brewster", "-o", str(tmp_path / "out")]) == 2
+    assert "there is no stress case 'brewster'; nearest: brewster-angle" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_folder_that_is_a_file(tmp_path, capsys):
+    (tmp_path / "out").write_text("")
+    assert run(["stress", "9", "-o", str(tmp_path / "out")]) == 2
+    assert "is a file; name a folder" in capsys.readouterr().err
