@@ -61,6 +61,11 @@ def test_report_has_all_groups_and_is_resumed(scene, tmp_path, capsys, monkeypat
     assert rows["boundary, spp 1"]["error"] < rows["plain, spp 4"]["error"] < rows["plain, spp 1"]["error"] < 1
     errors = {kind: [r["error"] for r in kept["groups"]["gradient"] if r["kind"] == kind] for kind in ("boundary", "plain AD")}
     assert min(errors["boundary"]) < 0.1 < min(errors["plain AD"])
+    modes = {row["name"]: row["error"] for row in kept["groups"]["modes"]}
+    for what in ("one", "all"):
+        reverse, forward = modes[f"boundary, reverse, {what}, double, spp 1"], modes["boundary, forward, double, spp 1"]
+        assert reverse == pytest.approx(forward, abs=1e-9)
+        assert reverse < modes[f"plain AD, reverse, {what}, single, spp 1"]
 
     # All is measured: nothing is measured again, unless the conditions change
     def fail(*_):

@@ -132,6 +132,9 @@ def _draw_all(folder: Path, groups: Mapping[str, Rows], experiments: Experiments
     )
     drawn.append(("gradient.png", text))
     _errors(folder / "gradient.png", groups["gradient"], front(groups["gradient"]), f"relative L2 error by {subject}")
+    text = f"Error of the derivative by {subject}, along the right one, against time: forward and reverse, by it alone and by all"
+    drawn.append(("modes.png", text))
+    _errors(folder / "modes.png", groups["modes"], [], "relative error along the derivative")
     for key, label in SCALING.items():
         kinds = dict.fromkeys(row["kind"] for row in groups[key])
         slopes = ", ".join(f"{kind} {slope([r for r in groups[key] if r['kind'] == kind]):.2f}" for kind in kinds)

@@ -69,7 +69,7 @@ class Correction:
         """The pixels' derivative along the tangents of the parameters `wrt`."""
         band = self.band
         if terms != "boundary":
-            inputs = band.shape, band.parameters, band.film(0), band.limits, wrt, tangents
+            inputs = band.shape, band.parameters, band.inner, band.limits, wrt, tangents
             pixels = wavefront.image_jvp(*inputs, self.weights)
             image = pixels.numpy()
             for fine in self.fine():
@@ -96,7 +96,7 @@ class Correction:
         # All inputs come first: making one waits for the kernels before it
         seeds = image.numpy().reshape(-1, 3)
         if terms != "boundary":
-            inputs = band.shape, band.parameters, band.film(0), band.limits, wrt, image
+            inputs = band.shape, band.parameters, band.inner, band.limits, wrt, image
             calls.append(partial(wavefront.image_vjp, *inputs, self.weights))
             for fine in self.fine():
                 seed = band.color(_channels(seeds, fine.pixel) * fine.weight)

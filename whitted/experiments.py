@@ -47,6 +47,7 @@ class Experiments:
             "depth": self.depth,
             "importance": self.importance,
             "gradient": self.gradient,
+            "modes": self.modes,
             "pixels": self.pixels,
             "spheres": self.spheres,
             "lights": self.lights,
@@ -108,8 +109,8 @@ class Experiments:
     def gradient(self) -> Rows:
         """The derivative's image by one parameter: plain, with edges, and by differences; then all parameters at once."""
         name, component = self.subject()
-        exact, step = self._differences("double", 64), float(scales(self.scenes["double"], [name])[0])
-        reference = exact(5e-4 * step)
+        exact, step = self._differences("double", 64), self.step
+        reference = self.derivative
         calls: dict[str, Callable[[], Any]] = {}
         for kind, boundary in (("plain AD", False), ("boundary", True)):
             for spp in (1, 4, 16):
@@ -129,6 +130,37 @@ class Experiments:
             rows.append({"name": label, "kind": label.split(",")[0], "error": relative(pixels, reference), **row})
         rows.append({"kind": "floor", "name": "error of the reference", "error": relative(exact(1e-3 * step), reference)})
         return rows
+
+    @property
+    def step(self) -> float:
+        """A large change of the parameter whose derivative is charted."""
+        return float(scales(self.scenes["double"], [self.subject()[0]])[0])
+
+    @cached_property
+    def derivative(self) -> np.ndarray:
+        """The image of its derivative, by differences of many samples in double precision."""
+        return self._differences("double", 64)(5e-4 * self.step)
+
+    def modes(self) -> Rows:
+        """Forward and reverse mode, by one parameter and by all: the derivative's part along the reference, which should be 1."""
+        name, component = self.subject()
+        along = self.derivative / np.sum(self.derivative**2)
+        calls: dict[str, Callable[[], float]] = {}
+        for kind, boundary in (("plain AD", False), ("boundary", True)):
+            for precision in ("single", "double") if boundary else ("single",):
+                scene = self.scenes[precision]
+                for spp in (1, 4):
+                    options: dict[str, Any] = {"boundary": boundary, "resolution": self.size}
+                    end = f"{precision}, spp {spp}"
+                    calls[f"{kind}, forward, {end}"] = partial(_forward, scene, name, component, spp, along, options)
+                    for what, names in (("one", [name]), ("all", sorted({name, *scene.nonzero}))):
+                        call = partial(_reverse, scene, names, (name, component), spp, along, options)
+                        calls[f"{kind}, reverse, {what}, {end}"] = call
+        found = in_turns(calls, self.rounds)
+        return [
+            {"name": label, "kind": label.rsplit(", ", 2)[0], "error": abs(row.pop("value") - 1), **row}
+            for label, row in found.items()
+        ]
 
     def _differences(self, precision: str, spp: int, boundary: bool = True) -> Callable[[float], np.ndarray]:
         """A function of the step, which takes central differences."""
@@ -211,6 +243,21 @@ class Experiments:
                 done = subprocess.run(command, capture_output=True, text=True, check=True)
                 rows.append({"name": f"{kind}, {n} x {n}", "kind": kind, "x": n * n, "mib": float(done.stdout)})
         return rows
+
+
+def _forward(scene: Scene, name: str, component: str | None, spp: int, along: np.ndarray, options: dict) -> float:
+    """The part of an image's derivative along another image, in forward mode."""
+    return float(np.sum(gradient(scene, name, component, spp, **options).numpy() * along))
+
+
+def _reverse(scene: Scene, names: list[str], wanted: tuple[str, str | None], spp: int, along: np.ndarray, options: dict) -> float:
+    """The same in reverse mode, by all of these parameters at once, of which one is wanted."""
+    values = dr.detach(scene.parameters(*names))
+    dr.enable_grad(values)
+    image = render(scene.replace(values), spp, **options)
+    dr.backward(dr.sum((image * type(image)(along)).array))
+    name, component = wanted
+    return float(np.ravel(dr.grad(values[name]).numpy())["xyz".index(component) if component else 0])
 
 
 def relative(image: np.ndarray, reference: np.ndarray) -> float:

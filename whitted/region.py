@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import drjit as dr
@@ -38,10 +39,15 @@ class Band:
     def film(self, margin: int) -> Film:
         return band(self.resolution, self.first_row, self.rows, self.side, self.real, margin)
 
+    @cached_property
+    def inner(self) -> Film:
+        """The film without a margin."""
+        return self.film(0)
+
     @property
     def inputs(self) -> tuple[Shape, dict[str, Array], Array, Limits]:
         """What all kernels of `probe` take first."""
-        return self.shape, self.parameters, self.film(0).size, self.limits
+        return self.shape, self.parameters, self.inner.size, self.limits
 
     def lanes(self, *arrays: np.ndarray) -> list[Array]:
         """Dr.Jit arrays of whole packets."""

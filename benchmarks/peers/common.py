@@ -1,6 +1,7 @@
 """What peers share: the scene, and a loop that answers run.py, so that peers stay in processes of their own and take turns."""
 
 import json
+import os
 import sys
 import time
 from pathlib import Path
@@ -83,8 +84,9 @@ def answer(peer: Peer, request: dict) -> dict:
 
 def serve(make) -> None:
     """Answers requests on stdin, a line of JSON each, with lines on stdout."""
-    # What libraries print must not mix with answers
-    out, sys.stdout = sys.stdout, sys.stderr
+    # What libraries print, by any way, must not mix with answers
+    out = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
     try:
         peer = make()
         print(json.dumps({"ready": True}), file=out, flush=True)
