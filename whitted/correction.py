@@ -6,6 +6,7 @@ from functools import partial
 
 import drjit as dr
 import numpy as np
+from drjit.llvm import ad
 
 from . import probe, wavefront
 from .chain import Path
@@ -94,30 +95,30 @@ class Correction:
         """The derivatives of dot(image, pixels) by the parameters `wrt`."""
         band, calls = self.band, []
         # All inputs come first: making one waits for the kernels before it
-        seeds = image.numpy().reshape(-1, 3)
         if terms != "boundary":
             inputs = band.shape, band.parameters, band.inner, band.limits, wrt, image
             calls.append(partial(wavefront.image_vjp, *inputs, self.weights))
             for fine in self.fine():
-                seed = band.color(_channels(seeds, fine.pixel) * fine.weight)
-                calls.append(partial(probe.samples_vjp, *band.inputs, wrt, seed, *band.lanes(fine.x, fine.y)))
+                sample = band.lanes(_unsigned(fine.pixel), fine.weight, fine.x, fine.y)
+                calls.append(partial(probe.samples_vjp, *band.inputs, wrt, image, *sample))
             for stretches in self.stretches:
                 stretch = Stretch(*band.lanes(*stretches.numbers.values()))
-                both = (band.color(_channels(seeds, pixel)) for pixel in stretches.pixel)
-                calls.append(partial(probe.stretches_vjp, *band.inputs, wrt, stretch, *both))
+                pixels = band.lanes(*_unsigned(stretches.pixel))
+                calls.append(partial(probe.stretches_vjp, *band.inputs, wrt, image, stretch, *pixels))
         if terms != "interior":
             for edges in self.edges:
-                by_pixel = ((_channels(seeds, pixel) * edges.jump).sum(0) for pixel in edges.pixel)
-                seed = sum(change * value for change, value in zip(edges.change, by_pixel, strict=True))
-                seed, x, y = band.lanes(seed, edges.x, edges.y)
-                calls.append(partial(probe.levels_vjp, *band.inputs, wrt, seed, x, y, _edge(edges.edge)))
+                changed = ad.Array2u(*band.lanes(*_unsigned(edges.pixel)))
+                change = type(band.inner.size)(*band.lanes(*edges.change))
+                place = band.lanes(edges.x, edges.y)
+                moving = changed, change, band.color(edges.jump), *place, _edge(edges.edge)
+                calls.append(partial(probe.levels_vjp, *band.inputs, wrt, image, *moving))
         parts = [call() for call in calls]
         return {name: sum((part[name] for part in parts), start=dr.zeros(type(value))) for name, value in wrt.items()}
 
 
-def _channels(image: np.ndarray, pixel: np.ndarray) -> np.ndarray:
-    """The channels of an image's pixels."""
-    return np.stack([image[:, channel].take(pixel) for channel in range(3)])
+def _unsigned(pixel: np.ndarray) -> np.ndarray:
+    """Pixels as kernels take them: -1 becomes `probe.NOWHERE`."""
+    return pixel.astype(np.uint32)
 
 
 def _edge(numbers: dict[str, np.ndarray]) -> Edge:

@@ -17,6 +17,9 @@ from .scene import Scene, Shape
 from .trace import Limits, labelled_radiance
 from .wavefront import of_scene, prepare, total
 
+# The pixel of what is outside of the band
+NOWHERE = 0xFFFFFFFF
+
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
 def samples(shape: Shape, parameters: dict, size: Array, limits: Limits, x: Array, y: Array) -> tuple[Array, Array]:
@@ -112,9 +115,21 @@ def _moving(shape: Shape, parameters: dict, size: Array, wrt: dict, tangents: di
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
-def samples_vjp(shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, seed: Array, x: Array, y: Array) -> dict:
-    """The derivatives of the sum of dot(seed, radiance) over image positions by the parameters `wrt`."""
+def samples_vjp(
+    shape: Shape,
+    parameters: dict,
+    size: Array,
+    limits: Limits,
+    wrt: dict,
+    adjoint: Array,
+    pixel: Array,
+    weight: Array,
+    x: Array,
+    y: Array,
+) -> dict:
+    """The derivatives by the parameters `wrt` of dot(adjoint, pixels), to which image positions add weighted radiance."""
     reverse = _Reverse(shape, parameters, size, wrt, dr.width(x))
+    seed = weight * _gathered(shape, adjoint, pixel)
 
     def walk(scene, sums, wide, ray):
         return radiance_vjp(scene, sums, wide, ray, seed, limits)
@@ -124,10 +139,19 @@ def samples_vjp(shape: Shape, parameters: dict, size: Array, limits: Limits, wrt
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
 def stretches_vjp(
-    shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, stretch: Stretch, seed_a: Array, seed_b: Array
+    shape: Shape,
+    parameters: dict,
+    size: Array,
+    limits: Limits,
+    wrt: dict,
+    adjoint: Array,
+    stretch: Stretch,
+    pixel_a: Array,
+    pixel_b: Array,
 ) -> dict:
-    """The derivatives of the sum of dot(seed_a, a) + dot(seed_b, b) by the parameters `wrt`; a and b are what stretches add."""
+    """The derivatives by the parameters `wrt` of dot(adjoint, pixels), to which stretches add."""
     reverse = _Reverse(shape, parameters, size, wrt, dr.width(stretch.x))
+    seed_a, seed_b = (_gathered(shape, adjoint, pixel) for pixel in (pixel_a, pixel_b))
 
     def visit(x, y, weight_a, weight_b, sums):
         seed = dr.fma(seed_a, weight_a, seed_b * weight_b)
@@ -142,15 +166,37 @@ def stretches_vjp(
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
 def levels_vjp(
-    shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, seed: Array, x: Array, y: Array, edge: Edge
+    shape: Shape,
+    parameters: dict,
+    size: Array,
+    limits: Limits,
+    wrt: dict,
+    adjoint: Array,
+    pixels: Array,
+    change: Array,
+    jump: Array,
+    x: Array,
+    y: Array,
+    edge: Edge,
 ) -> dict:
-    """The derivatives of the sum of seed * (level function) over image positions by the parameters `wrt`."""
+    """The derivatives by the parameters `wrt` of dot(adjoint, pixels), which edges change as their level functions grow.
+
+    Args:
+        pixels: Array2u, the two pixels that an edge changes.
+        change: Array2f, by how much of the jump.
+    """
     reverse = _Reverse(shape, parameters, size, wrt, dr.width(x))
+    seed = sum(change[k] * dr.dot(_gathered(shape, adjoint, pixels[k]), jump) for k in range(2))
 
     def walk(scene, sums, wide, ray):
         return level_vjp(scene, sums, wide, ray, seed, limits, edge)
 
     return reverse.gradients(reverse.visit(x, y, reverse.sums, walk))
+
+
+def _gathered(shape: Shape, adjoint: Array, pixel: Array) -> Array:
+    """The adjoint of pixels, and zero for NOWHERE."""
+    return dr.gather(type(shape.scene.background), adjoint, pixel, pixel != NOWHERE)
 
 
 class _Reverse:
