@@ -17,6 +17,8 @@ from .geometry import Array
 from .quadrature import Stretch
 from .region import LANES, Band, aligned, chunks, lanes, number, rows
 
+# Names of the fields of an edge's path and event
+PARTS = tuple(tuple(part.name for part in fields(kind)) for kind in (Path, Event))
 TERMS = ("both", "interior", "boundary")
 
 
@@ -123,8 +125,7 @@ def _unsigned(pixel: np.ndarray) -> np.ndarray:
 
 def _edge(numbers: dict[str, np.ndarray]) -> Edge:
     """The Dr.Jit arrays of `numbers_of`."""
-    arrays = {name: lanes(value) for name, value in numbers.items()}
-    path, event = ({f.name: arrays[f.name] for f in fields(kind)} for kind in (Path, Event))
+    path, event = ({name: lanes(numbers[name]) for name in names} for names in PARTS)
     return Edge(Path(**path), Event(**event))
 
 

@@ -6,27 +6,23 @@ as NumPy is slow on a short last axis.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 Table = TypeVar("Table")
 
 
-def _columns(table: Any) -> list:
-    return [getattr(table, field.name) for field in fields(table)]
-
-
 def take(table: Table, which: np.ndarray) -> Table:
     """Some rows of a dataclass of arrays, by number."""
-    return type(table)(*(column.take(which, -1) for column in _columns(table)))
+    return type(table)(*(column.take(which, -1) for column in vars(table).values()))
 
 
 def joined(tables: Sequence[Table]) -> Table:
     """The rows of several dataclasses of arrays."""
-    columns = zip(*(_columns(table) for table in tables), strict=True)
+    columns = zip(*(vars(table).values() for table in tables), strict=True)
     return type(tables[0])(*(np.concatenate(column, -1) for column in columns))
 
 

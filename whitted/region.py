@@ -63,7 +63,7 @@ def number(real: type) -> Any:
     return np.float32 if real is ad.Float else np.float64
 
 
-KINDS = {"bool": "Bool", "float32": "Float", "float64": "Float64", "uint32": "UInt", "uint64": "UInt64"}
+KINDS = {np.dtype(a): b for a, b in ((bool, ad.Bool), ("f4", ad.Float), ("f8", ad.Float64), ("u4", ad.UInt), ("u8", ad.UInt64))}
 
 
 def lanes(array: np.ndarray) -> Array:
@@ -73,7 +73,7 @@ def lanes(array: np.ndarray) -> Array:
 
 def aligned(array: np.ndarray, length: int) -> Array:
     """A Dr.Jit array in Dr.Jit's memory, as one in NumPy's, of another alignment, would get a kernel of its own."""
-    result = dr.empty(getattr(ad, KINDS[array.dtype.name]), length)
+    result: Array = dr.empty(KINDS[array.dtype], length)
     memory = result.numpy()
     memory[: len(array)], memory[len(array) :] = array, 0
     return result
