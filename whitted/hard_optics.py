@@ -139,7 +139,8 @@ def _double(cosine: float, n: float) -> float:
 def deviation(theta: Array, n: Array, bounces: int = 0) -> Array:
     """The angle that a ray is turned by which meets a sphere at theta: into it, k reflections, out of it.
 
-    Each turn is taken from the cross and the dot product, which is exact to rounding at every angle.
+    Each turn is taken from the sine of its half, or of the half of what is left to pi, whichever is smaller: exact
+    to rounding at every angle. (Dr.Jit's arc tangent aborts the process before LLVM 20.)
     """
     real = type(theta)
     vector = {ad.Float: ad.Array3f, ad.Float64: ad.Array3f64}[real]
@@ -151,8 +152,11 @@ def deviation(theta: Array, n: Array, bounces: int = 0) -> Array:
         eta = 1 / n if entering else n
         squared, _ = transmission(cosine, eta)
         out = reflect(d, normal) if reflecting else refract(d, normal, cosine, dr.sqrt(squared), eta)
-        turned += dr.abs(dr.atan2(d.x * out.y - d.y * out.x, dr.dot(d, out)))
-        d = dr.normalize(out)
+        out = dr.normalize(out)
+        acute = dr.dot(d, out) > 0
+        angle = 2 * dr.asin(dr.norm(dr.select(acute, out - d, out + d)) / 2)
+        turned += dr.select(acute, angle, dr.pi - angle)
+        d = out
         p = p - 2 * dr.dot(p, d) * d
     return turned
 
