@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -201,6 +202,18 @@ def test_signal_leaves_the_old_image(tmp_path, number, status):
     assert (code, error) == (status, [])
     assert names(tmp_path) == ["a.exr"]
     assert out.read_bytes() == b"old"
+
+
+@pytest.mark.parametrize("module", ["drjit", "typer"])
+def test_interrupt_while_the_command_starts(tmp_path, module):
+    """In the half second in which it imports what it needs."""
+    (tmp_path / f"{module}.py").write_text("import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(1)")
+    script = tmp_path / "whitted"
+    script.write_text("from whitted.cli import main\nmain()")
+    environment = {**os.environ, "PYTHONPATH": f"{tmp_path}:{ROOT}"}
+    heeded = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    done = subprocess.run([sys.executable, script, "info"], env=environment, preexec_fn=heeded, capture_output=True)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, b"", b"")
 
 
 def test_memory_that_runs_out(tmp_path):

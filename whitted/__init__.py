@@ -1,5 +1,9 @@
 """A differentiable Whitted ray tracer on Dr.Jit's LLVM backend."""
 
+import signal
+import sys
+from pathlib import Path
+
 from .llvm import BackendError, configure
 
 __version__ = "0.1.0"
@@ -17,6 +21,10 @@ __all__ = [
     "torch_render",
     "write_image",
 ]
+
+if Path(sys.argv[0]).name == "whitted" and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    # While the command line starts, Ctrl-C ends it without a word; then `cli.main` catches it
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 try:
     configure()
