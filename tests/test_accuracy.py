@@ -6,7 +6,7 @@ import pytest
 from samples import CAMERA, MATERIALS, SKY, sphere
 
 import whitted as wt
-from whitted.accuracy import Setting, measured, recommend
+from whitted.accuracy import Setting, recommend, settings
 
 BALLS = SKY + "max_depth = 1\n" + CAMERA + MATERIALS + sphere([0, 0, 0], 0.9, "red") + sphere([1, 0.5, -1], 0.8, "checks_less")
 
@@ -27,22 +27,24 @@ def test_errors_are_met(balls, error):
 
 
 def test_the_cheapest_good_setting_is_taken(balls, monkeypatch):
-    settings = [Setting(1, False, 0.1, 1.0), Setting(1, True, 0.01, 3.0), Setting(16, False, 0.008, 4.0)]
-    monkeypatch.setattr("whitted.accuracy.measured", lambda *_: settings)
-    assert recommend(balls, 0.2).spp == 1
-    assert recommend(balls, 0.05).boundary
-    with pytest.raises(ValueError, match=r"0\.005 is below what is tried; about 0\.0092 is the least"):
-        recommend(balls, 0.005)
-    expected = wt.render(balls, 1, boundary=True, resolution=(16, 12)).numpy()
-    np.testing.assert_array_equal(wt.render(balls, error=0.05, resolution=(16, 12)).numpy(), expected)
+    offered = [Setting(4, True, 3.0), Setting(1, False, 1.0), Setting(16, False, 2.0)]
+    monkeypatch.setattr("whitted.accuracy.settings", lambda *_: offered)
+    size = (160, 120)
+    assert recommend(balls, 0.5, resolution=size) == offered[1]
+    assert recommend(balls, 0.02, resolution=size) == offered[2]
+    assert recommend(balls, 0.002, resolution=size) == offered[0]
+    with pytest.raises(ValueError, match=r"1e-06 is below what is tried; about 0\.00016 is the least for this scene"):
+        recommend(balls, 1e-6, resolution=size)
+    expected = wt.render(balls, 16, boundary=False, resolution=size).numpy()
+    np.testing.assert_array_equal(wt.render(balls, error=0.02, resolution=size).numpy(), expected)
 
 
-def test_larger_images_have_smaller_errors(balls):
-    """By the fourth root of the number of pixels; and they take longer."""
-    small, large = (measured(balls, None, (side, side)) for side in (128, 512))
-    for one, other in zip(small, large, strict=True):
-        assert other.error == pytest.approx(one.error * 0.5, rel=1e-6)
-        assert other.cost > one.cost
+def test_costs_of_larger_images_are_told_from_small_ones(balls):
+    """Both of 128 x 128 pixels; sixteen times as many take sixteen times as long, or less where edges count."""
+    small, large = (settings(balls, None, (side, side)) for side in (128, 512))
+    assert {(one.spp, one.boundary) for one in small} == {(one.spp, one.boundary) for one in large}
+    assert len(small) == 11
+    assert all(0 < one.cost < other.cost for one, other in zip(small, large, strict=True))
 
 
 def test_gradients_pass(balls):

@@ -252,10 +252,10 @@ def test_disk_that_is_full(tmp_path, capsys, monkeypatch):
 def test_error_chooses_the_samples(tmp_path, capsys, monkeypatch):
     from whitted.accuracy import Setting
 
-    monkeypatch.setattr("whitted.accuracy.measured", lambda *_: [Setting(4, False, 0.01, 1.0)])
+    monkeypatch.setattr("whitted.accuracy.settings", lambda *_: [Setting(4, False, 1.0)])
     out = tmp_path / "a.exr"
-    assert run(["render", str(SCENE), "-o", str(out), "--size", "24x16", "--depth", "3", "--error", "0.05"]) == 0
-    assert "for an error of 0.05: spp 4, plain samples" in capsys.readouterr().out
+    assert run(["render", str(SCENE), "-o", str(out), "--size", "24x16", "--depth", "3", "--error", "0.5"]) == 0
+    assert "for an error of 0.5: spp 4, plain samples" in capsys.readouterr().out
     expected = wt.render(wt.load_scene(SCENE), 4, boundary=False, max_depth=3, resolution=(24, 16)).numpy()
     np.testing.assert_array_equal(wt.read_image(out).numpy(), expected)
     assert run(["render", str(SCENE), "-o", str(out), "--size", "24x16", "--error", "1e-9"]) == 2

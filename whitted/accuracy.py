@@ -1,7 +1,9 @@
-"""The cheapest samples that make an image accurate enough, found by measuring a small image.
+"""The cheapest samples that make an image accurate enough, found by trying them.
 
-Errors lie along edges, which cross a smaller part of a larger image's pixels: n times as many pixels have edges in
-sqrt(n) times as many, whose share of the mean square falls like 1 / sqrt(n), and the error like n^(-1/4).
+A small image tells what each setting costs. In that order they are tried, against a better one, on an image of the size
+that is asked for, or of a smaller one if that is large, until one is good enough. Errors lie along edges, which cross a
+smaller part of a larger image's pixels: with n times as many pixels sqrt(n) times as many have edges, whose share of the
+mean square falls like 1 / sqrt(n), and the error like n^(-1/4).
 """
 
 import time
@@ -17,14 +19,17 @@ from .geometry import Array
 from .render import render as render_samples
 from .scene import Scene
 
-# Samples along a pixel's side of what is tried, plain and with edges
-SIDES = {False: (1, 2, 3, 4, 6, 8, 12, 16), True: (1, 2, 3, 4)}
-# Pixels along the longer side of the small image, and plain samples a pixel of its reference
-SMALL, REFERENCE = 128, 1024
+# Samples along a pixel's side of what is tried, plain and with edges, and of what that is held against
+SIDES = {False: (1, 2, 3, 4, 6, 8, 12, 16), True: (1, 2, 3)}
+REFERENCE = 4
+# Pixels along the longer side of the image whose times are taken, and most of the one whose errors are
+SMALL, LARGE = 128, 512
 # What the samples of an image with edges cost more than plain ones
 LABELS = 1.2
-# The true error may be larger than the expected one: what is chosen is to be better by this factor
-SAFETY = 1.15
+# What is chosen is to be better by this factor: the reference has an error of its own
+SAFETY = 1.03
+# The power of the number of pixels with which the error falls, a cautious one
+FALL = 0.2
 
 
 @dataclass(frozen=True)
@@ -33,7 +38,6 @@ class Setting:
 
     spp: int
     boundary: bool
-    error: float  # expected, relative RMSE
     cost: float  # expected, in seconds
 
 
@@ -70,45 +74,57 @@ def recommend(scene: Scene, error: float, max_depth: int | None = None, resoluti
     """
     if not (isinstance(error, (int, float)) and 0 < error < np.inf):
         raise ValueError(f"error: expected a relative error above 0, as in 0.01, got {error!r}")
-    settings = measured(scene, max_depth, resolution or scene.resolution)
-    good = [setting for setting in settings if setting.error * SAFETY <= error]
-    if not good:
-        best = min(settings, key=lambda setting: setting.error)
-        raise ValueError(f"error: {error:g} is below what is tried; about {SAFETY * best.error:.2g} is the least for this scene")
-    return min(good, key=lambda setting: setting.cost)
-
-
-def measured(scene: Scene, max_depth: int | None, resolution: tuple[int, int]) -> list[Setting]:
-    """All settings, with the errors and times expected at a resolution."""
-    factor = min(1.0, SMALL / max(resolution))
-    size = max(1, round(resolution[0] * factor)), max(1, round(resolution[1] * factor))
-    more = resolution[0] * resolution[1] / (size[0] * size[1])
-
-    def image(spp: int, boundary: bool) -> Array:
-        return render_samples(scene, spp, boundary=boundary, max_depth=max_depth, resolution=size)
-
-    settings = []
+    best = np.inf
+    resolution = resolution or scene.resolution
     with dr.suspend_grad():
-        reference = image(REFERENCE, False).numpy().astype(np.float64)
-        scale = float(np.sqrt(np.mean(reference**2))) or 1.0
-        plain: dict[int, float] = {}
-        for boundary, sides in SIDES.items():
-            for side in sides:
-                pixels, seconds = _timed(partial(image, side * side, boundary))
-                error = float(np.sqrt(np.mean((pixels.numpy() - reference) ** 2))) / scale
-                plain.setdefault(side, seconds)
-                edges = max(0.0, seconds - LABELS * plain[side]) if boundary else 0.0
-                cost = more * plain[side] * (LABELS if boundary else 1) + more**0.5 * edges
-                settings.append(Setting(side * side, boundary, error * more**-0.25, cost))
-    return settings
+        error_of = _errors(scene, max_depth, resolution)
+        for setting in sorted(settings(scene, max_depth, resolution), key=lambda setting: setting.cost):
+            found = SAFETY * error_of(setting)
+            if found <= error:
+                return setting
+            best = min(best, found)
+    raise ValueError(f"error: {error:g} is below what is tried; about {best:.2g} is the least for this scene")
 
 
-def _timed(call: Callable[[], Array]) -> tuple[Array, float]:
-    """An image, and the seconds that it takes once its kernels are compiled."""
+def settings(scene: Scene, max_depth: int | None, resolution: tuple[int, int]) -> list[Setting]:
+    """All settings, with the times expected at a resolution."""
+    size, more = _reduced(resolution, SMALL)
+    result = []
+    plain: dict[int, float] = {}
+    for boundary, sides in SIDES.items():
+        for side in sides:
+            seconds = _seconds(partial(render_samples, scene, side**2, boundary=boundary, max_depth=max_depth, resolution=size))
+            plain.setdefault(side, seconds)
+            edges = max(0.0, seconds - LABELS * plain[side]) if boundary else 0.0
+            cost = more * plain[side] * (LABELS if boundary else 1) + more**0.5 * edges
+            result.append(Setting(side * side, boundary, cost))
+    return result
+
+
+def _errors(scene: Scene, max_depth: int | None, resolution: tuple[int, int]) -> Callable[[Setting], float]:
+    """A function that measures a setting's relative error."""
+    size, more = _reduced(resolution, LARGE)
+
+    def image(spp: int, boundary: bool) -> np.ndarray:
+        return render_samples(scene, spp, boundary=boundary, max_depth=max_depth, resolution=size).numpy().astype(np.float64)
+
+    reference = image(REFERENCE**2, True)
+    scale = float(np.sqrt(np.mean(reference**2))) or 1.0
+    return lambda chosen: float(np.sqrt(np.mean((image(chosen.spp, chosen.boundary) - reference) ** 2))) / scale * more**-FALL
+
+
+def _reduced(resolution: tuple[int, int], side: int) -> tuple[tuple[int, int], float]:
+    """A resolution of at most so many pixels a side, and how many times as many pixels the given one has."""
+    factor = min(1.0, side / max(resolution))
+    size = max(1, round(resolution[0] * factor)), max(1, round(resolution[1] * factor))
+    return size, resolution[0] * resolution[1] / (size[0] * size[1])
+
+
+def _seconds(call: Callable[[], Array]) -> float:
+    """The time that an image takes once its kernels are compiled."""
     dr.eval(call())
     dr.sync_thread()
     start = time.perf_counter()
-    pixels = call()
-    dr.eval(pixels)
+    dr.eval(call())
     dr.sync_thread()
-    return pixels, time.perf_counter() - start
+    return time.perf_counter() - start
