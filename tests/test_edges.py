@@ -86,18 +86,36 @@ def test_pixels_with_three_labels_are_crowded():
 
 
 def test_finer_samples_fill_a_pixel_with_a_ring_around_it():
-    samples = fine_samples(np.array([5]), side=2, columns=4, first_row=3)
+    samples, traced = fine_samples(np.array([5]), 2, (4, 2), first_row=3)
     np.testing.assert_array_equal(samples.x.reshape(4, 4), [[0.75, 1.25, 1.75, 2.25]] * 4)
     np.testing.assert_array_equal(samples.y.reshape(4, 4), np.array([[3.75, 4.25, 4.75, 5.25]] * 4).T)
     assert (samples.pixel >= 0).sum() == 4
+    # All but the corners
+    assert sorted({0, 3, 12, 15} | set(traced.tolist())) == list(range(16))
+    assert len(traced) == 12
+
+
+@pytest.mark.parametrize(("step", "columns"), [(1, 4), (4, 4)])
+def test_finer_samples_of_neighbours_are_traced_once(step, columns):
+    """Of two pixels side by side, or one above the other."""
+    samples, traced = fine_samples(np.array([5, 5 + step]), 2, (columns, 4), first_row=0)
+    assert len(traced) == 24 - 4
+    assert samples.x.tolist() == samples.x.take(samples.twin).tolist()
+    assert samples.y.tolist() == samples.y.take(samples.twin).tolist()
+    assert set(samples.twin[np.delete(np.arange(32), traced)].tolist()) <= {*traced.tolist(), 0, 3, 12, 15, 16, 19, 28, 31}
+    # An edge between them is found once, by the first, and belongs to both
+    labels = np.where(samples.pixel.take(samples.twin) == 5 + step, 2, 1).astype(np.uint32).reshape(2, 4, 4)
+    labels[1] = [[2, 2, 2, 3]] * 4 if step == 1 else [[2] * 4] * 3 + [[3] * 4]
+    samples = replace(samples, labels=labels)
+    pairs = pairs_of(replace(samples, colors=bright(labels)), *flips(samples), 0)
+    assert sorted(pairs.pixel.T.tolist()) == [[5, 5 + step]] * 2 + [[5 + step, -1]] * 2
+    assert set(pairs.sample[1][pairs.pixel[1] >= 0].tolist()) == ({21, 25} if step == 1 else {21, 22})
 
 
 def test_finer_pairs_count_only_in_their_pixel():
     labels = np.array([[[1, 2, 2, 3]] * 4], np.uint32)
-    samples = fine_samples(np.array([5]), side=2, columns=4, first_row=0)
-    pairs = pairs_of(
-        replace(samples, labels=labels, colors=bright(labels), first=100), *flips(replace(samples, labels=labels)), 0
-    )
+    samples = replace(fine_samples(np.array([5]), 2, (4, 2), first_row=0)[0], labels=labels)
+    pairs = pairs_of(replace(samples, colors=bright(labels), first=100), *flips(samples), 0)
     assert pairs.pixel.T.tolist() == [[-1, 5]] * 2 + [[5, -1]] * 2
     assert pairs.sample.T.tolist() == [[104, 105], [108, 109], [106, 107], [110, 111]]
     assert pairs.length.tolist() == [0.5] * 4

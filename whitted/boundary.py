@@ -109,8 +109,8 @@ class _Search:
             finer = [(busy[(counts > 2) & (counts < 5)], 2), (busy[counts == 5], 4)]
         else:
             finer = [(busy[counts > 2], band.side * (4 if band.side <= 4 else 2))]
-        fine = [fine_samples(*group, band.resolution[0], band.first_row) for group in finer]
-        traced = self.trace(fine)
+        places = [fine_samples(*group, (band.resolution[0], band.rows), band.first_row) for group in finer]
+        traced = self.trace(places)
 
         # Busy pixels are done apart
         apart = np.zeros(len(self.image) // 3 + 1, bool)
@@ -120,7 +120,7 @@ class _Search:
         ends[apart.take(ends)] = -1
         kept = np.flatnonzero(np.maximum(*ends) >= 0)
         regular = pairs_of(samples, a.take(kept), b.take(kept), ends.take(kept, 1), self.contrast)
-        fine = self.refine(fine, traced)
+        fine = self.refine(places, traced)
         pairs = joined([regular, *(pairs_of(group, *flips(group), CONTRAST / group.side**2) for group in fine)])
         if self.keep:
             self.taken = np.zeros(sum(group.labels.size for group in (samples, *fine)), number(band.real))
@@ -131,26 +131,28 @@ class _Search:
             self.keep_samples(busy, fine)
         return self.flat, self.result
 
-    def trace(self, fine: list[Samples]) -> list[tuple[Array, Array]]:
+    def trace(self, fine: list[tuple[Samples, np.ndarray]]) -> list[tuple[Array, Array]]:
         """Begin to trace finer samples: their radiance and labels."""
-        x, y = (np.concatenate(positions) for positions in zip(*((group.x, group.y) for group in fine), strict=True))
+        x, y = (np.concatenate([getattr(group, name)[places] for group, places in fine]) for name in "xy")
         parts = chunks(len(x), SAMPLES)
         return [probe.samples(*self.band.inputs, *self.band.lanes(x[part], y[part])) for part in parts]
 
-    def refine(self, fine: list[Samples], traced: list[tuple[Array, Array]]) -> list[Samples]:
+    def refine(self, fine: list[tuple[Samples, np.ndarray]], traced: list[tuple[Array, Array]]) -> list[Samples]:
         """The finer samples with radiance and labels; pixels get their mean."""
         if not traced:
             return []
         colors = np.concatenate([rows(color, slice(None)) for color, _ in traced], 1).T
         labels = np.concatenate([label.numpy() for _, label in traced])
-        result, number = [], self.samples.labels.size
-        for group in fine:
-            n, shape = group.labels.size, group.labels.shape
-            part = slice(number - self.samples.labels.size, number - self.samples.labels.size + n)
-            result.append(replace(group, labels=labels[part].reshape(shape), colors=colors[part], first=number))
-            mean = colors[part].reshape(*shape, 3)[:, 1:-1, 1:-1].mean((1, 2))
+        result, number, done = [], self.samples.labels.size, 0
+        for group, places in fine:
+            shape, part = group.labels.shape, slice(done, done + len(places))
+            label, color = np.zeros(group.labels.size, np.uint32), np.zeros((group.labels.size, 3), colors.dtype)
+            label[places], color[places] = labels[part], colors[part]
+            label, color = label.take(group.twin), color.take(group.twin, 0)
+            result.append(replace(group, labels=label.reshape(shape), colors=color, first=number))
+            mean = color.reshape(*shape, 3)[:, 1:-1, 1:-1].mean((1, 2))
             self.image.reshape(-1, 3)[group.pixel.reshape(shape)[:, 1, 1]] = mean
-            number += n
+            number, done = number + group.labels.size, done + len(places)
         return result
 
     def keep_samples(self, busy: np.ndarray, fine: list[Samples]) -> None:

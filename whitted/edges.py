@@ -34,8 +34,8 @@ class Samples:
     colors: np.ndarray  # (samples, 3)
     x: np.ndarray  # image position
     y: np.ndarray
-    pixel: np.ndarray  # that a sample counts for, -1 in the margin
-    margin: int  # samples around a grid
+    pixel: np.ndarray  # that a sample counts for; -1 in the margin, where that belongs to a grid to the left or above -2
+    twin: np.ndarray  # the place of the sample that stands for it: that at the same position which counts for a pixel
     side: int  # samples along a pixel's side
     first: int  # number of the first sample
     top: int  # to be added to y
@@ -60,27 +60,59 @@ class Pairs:
 
 def band_samples(labels: np.ndarray, colors: np.ndarray, side: int, first_row: int) -> Samples:
     """The samples of a band with a margin of one pixel, row by row."""
-    return Samples(labels[None], colors, *_band_grid(labels.shape, side), side, side, 0, first_row)
+    return Samples(labels[None], colors, *_band_grid(labels.shape, side), side, 0, first_row)
 
 
 @lru_cache(maxsize=2)
-def _band_grid(shape: tuple[int, int], side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """For each sample of a band with a margin its position and its pixel."""
+def _band_grid(shape: tuple[int, int], side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """For each sample of a band with a margin its position, its pixel, and its own place."""
     rows, columns = shape[0] // side - 2, shape[1] // side - 2
-    j, i = np.divmod(np.arange(shape[0] * shape[1]), shape[1])
+    place = np.arange(shape[0] * shape[1])
+    j, i = np.divmod(place, shape[1])
     x, y = i // side - 1, j // side - 1
     pixel = np.where((x >= 0) & (y >= 0) & (x < columns) & (y < rows), y * columns + x, -1)
-    return (i + 0.5) / side - 1, (j + 0.5) / side - 1, pixel.astype(np.int32)
+    return (i + 0.5) / side - 1, (j + 0.5) / side - 1, pixel.astype(np.int32), place
 
 
-def fine_samples(pixels: np.ndarray, side: int, columns: int, first_row: int) -> Samples:
-    """side * side samples in each pixel and a ring of samples around it, not yet traced."""
-    offset = (np.arange(-1, side + 1) + 0.5) / side
-    x = (pixels % columns)[:, None, None] + offset + 0 * offset[:, None]
-    y = (pixels // columns + first_row)[:, None, None] + offset[:, None] + 0 * offset
-    pixel = np.full(x.shape, -1)
-    pixel[:, 1:-1, 1:-1] = pixels[:, None, None]
-    return Samples(np.empty(x.shape, np.uint32), np.empty((0, 3)), x.ravel(), y.ravel(), pixel.ravel(), 1, side, 0, 0)
+def fine_samples(pixels: np.ndarray, side: int, resolution: tuple[int, int], first_row: int) -> tuple[Samples, np.ndarray]:
+    """side * side samples in each pixel, of a band with so many columns and rows, and a ring of samples around it.
+
+    Returns:
+        The samples without their labels and colors, and the places of those to be traced: in a ring, corners have no use,
+        and what lies in another one of the pixels is traced there.
+    """
+    columns, rows = resolution
+    column, row = pixels % columns, pixels // columns
+    ring = np.arange(-1, side + 1) + 0.5
+    x = ((column * side)[:, None, None] + ring + 0 * ring[:, None]) / side
+    y = (((row + first_row) * side)[:, None, None] + ring[:, None] + 0 * ring) / side
+    grid = np.arange(ring.size**2).reshape(ring.size, ring.size)
+    inside = grid[1:-1, 1:-1]
+    pixel, traced = np.full((len(pixels), grid.size), -1), np.ones((len(pixels), grid.size), bool)
+    pixel[:, inside.ravel()] = pixels[:, None]
+    traced[:, grid[[0, 0, -1, -1], [0, -1, 0, -1]]] = False
+    twin = np.arange(pixel.size).reshape(pixel.shape)
+
+    # What rings share with other pixels
+    number = np.full(columns * rows + 1, -1)
+    number[pixels] = np.arange(len(pixels))
+    sides = (
+        (column > 0, -1, grid[1:-1, 0], inside[:, -1]),
+        (row > 0, -columns, grid[0, 1:-1], inside[-1]),
+        (column < columns - 1, 1, grid[1:-1, -1], inside[:, 0]),
+        (row < rows - 1, columns, grid[-1, 1:-1], inside[0]),
+    )
+    for exists, step, here, there in sides:
+        other = number.take(np.where(exists, pixels + step, -1))
+        own = np.flatnonzero(other >= 0)
+        place = own[:, None], here
+        twin[place] = other[own, None] * grid.size + there
+        traced[place] = False
+        if step < 0:
+            pixel[place] = -2
+    labels, colors = np.empty(x.shape, np.uint32), np.empty((0, 3))
+    columns_of = x.ravel(), y.ravel(), pixel.ravel(), twin.ravel()
+    return Samples(labels, colors, *columns_of, side, 0, 0), np.flatnonzero(traced)
 
 
 def flips(samples: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -89,11 +121,11 @@ def flips(samples: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     places, ends = [], []
     for step in (1, columns):
         a = np.flatnonzero(labels[step:] != labels[:-step])
-        pixel = samples.pixel.take(np.stack([a, a + step]))
+        one, other = samples.pixel.take(a), samples.pixel.take(a + step)
         # Not those in the margin, among which are those from the end of a row to the next one's start
-        kept = np.flatnonzero(np.maximum(*pixel) >= 0)
-        places.append(a.take(kept))
-        ends.append(pixel.take(kept, 1))
+        a = a.take(np.flatnonzero((np.maximum(one, other) >= 0) & (one >= -1)))
+        places.append(a)
+        ends.append(samples.pixel.take(np.stack([a, samples.twin.take(a + step)])))
     a = np.concatenate(places)
     return a, a + np.repeat([1, columns], [len(part) for part in places]), np.concatenate(ends, 1)
 
@@ -143,9 +175,9 @@ def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray, l
     # Sixteen bits of a hash, which NumPy sorts in linear time
     order = kept[np.argsort((labels.take(a[kept]) + labels.take(b[kept])).astype(np.uint16), kind="stable")]
     a, b, pixel = a.take(order), b.take(order), ends.take(order, 1)
-    sample, step = np.stack([a, b]), b - a
+    sample, step = samples.twin.take(np.stack([a, b])), b - a
     label = labels.take(sample)
-    beyond = labels.take(np.stack([a - step, b + step]), mode="clip")
+    beyond = labels.take(np.stack([sample[0] - step, sample[1] + step]), mode="clip")
     x, y = samples.x.take(a), samples.y.take(a) + samples.top
     length = np.full(len(a), 1 / samples.side)
     return Pairs(x, y, step > 1, length, sample + samples.first, label, pixel, beyond == label)
