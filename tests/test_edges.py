@@ -49,6 +49,17 @@ def test_neighbours_of_an_edge_are_not_alone():
     assert pairs.alone.T[pairs.pixel.T >= 0].tolist() == [False, False] + [False, True] * 2
 
 
+def test_labels_of_two_halves_differ_in_both():
+    """As where a node's weight depends on the angle: a node that comes to weigh enough for one half is no edge."""
+    one = STEP.astype(np.uint64)
+    for labels, edges in ((one, 0), (one << 32, 0), (one | one << 32, 2), (one | STEP.T.astype(np.uint64) << 32, 0)):
+        assert len(dense_pairs(labels)) == edges
+    both = one | one << 32
+    samples = band_samples(both, bright(both), 1, 0)
+    assert label_counts(samples, np.arange(4), 0).tolist() == [2] * 4
+    assert label_counts(replace(samples, labels=one), np.arange(4), 0).tolist() == [1] * 4
+
+
 def test_several_samples_a_pixel():
     labels = np.ones((8, 8), np.uint32)
     labels[:, 5:] = 2

@@ -13,7 +13,7 @@ interior, is what automatic differentiation of samples gives; the second, the bo
 The method, on the regular grid of samples with spacing h:
 
 1. Label each sample with a hash of its tree's decisions (`decisions.py`). Two neighbours, side by side or one below
-   the other, with different labels have an edge in between.
+   the other, whose labels differ have an edge in between.
 2. Walk both trees at once for the heaviest node that decides differently, tell the event there and find the root of its
    level function phi along the segment (`crossing.py`). Where the labels beside the root are not those of the
    samples, more edges are in the segment, and the search goes on in what is left of it.
@@ -66,14 +66,11 @@ from .edges import (
     stretches,
     take,
 )
-from .events import SILHOUETTE, TOTAL
 from .geometry import Array
 from .region import LANES, SAMPLES, Band, chunks, number, rows
 
 # Edges between samples that differ less, relative to the brighter one and for one sample a pixel, are left to the samples
 CONTRAST = 1 / 32
-# A share of an edge that is not worth samples of its own
-SLIGHT = 0.1
 # Searches for edges in what is left of a segment; a third with a single sample a pixel
 ROUNDS = 6
 
@@ -146,7 +143,7 @@ class _Search:
         result, number, done = [], self.samples.labels.size, 0
         for group, places in fine:
             shape, part = group.labels.shape, slice(done, done + len(places))
-            label, color = np.zeros(group.labels.size, np.uint32), np.zeros((group.labels.size, 3), colors.dtype)
+            label, color = np.zeros(group.labels.size, labels.dtype), np.zeros((group.labels.size, 3), colors.dtype)
             label[places], color[places] = labels[part], colors[part]
             label, color = label.take(group.twin), color.take(group.twin, 0)
             result.append(replace(group, labels=label.reshape(shape), colors=color, first=number))
@@ -178,10 +175,8 @@ class _Search:
             moved = rows(crossing.moved, lane)
             deposit(self.image, pairs.pixel.take(pair, 1), *(moved * channel for channel in jump))
             if self.keep:
-                along, weight, rising = (value.numpy().take(lane) for value in (crossing.along, crossing.weight, crossing.rising))
-                kind = crossing.edge.event.kind.numpy().take(lane)
-                singular = ((kind == SILHOUETTE) | (kind == TOTAL)) & (weight > SLIGHT)
-                groups.append(Crossings(pair, along, jump, rows(crossing.change, lane), weight, rising, singular))
+                along, *kept = (getattr(crossing, name).numpy().take(lane) for name in ("along", "weight", "rising", "singular"))
+                groups.append(Crossings(pair, along, jump, rows(crossing.change, lane), *kept))
                 edges.append(numbers_of(crossing.edge, lane))
         if any(groups):
             self.keep_edges(pairs, joined(groups), {name: np.concatenate([edge[name] for edge in edges]) for name in edges[0]})

@@ -80,7 +80,7 @@ class Correction:
                 deposit(image, fine.pixel, *(rows(slope, slice(len(fine.x))) * fine.weight))
             for stretches in self.stretches:
                 stretch = Stretch(*band.lanes(*stretches.numbers.values()))
-                both = probe.stretches_jvp(*band.inputs, wrt, tangents, stretch)
+                both = probe.stretches_jvp(*band.beside, wrt, tangents, stretch)
                 for pixel, slope in zip(stretches.pixel, both, strict=True):
                     deposit(image, pixel, *rows(slope, slice(len(pixel))))
         else:
@@ -106,7 +106,7 @@ class Correction:
             for stretches in self.stretches:
                 stretch = Stretch(*band.lanes(*stretches.numbers.values()))
                 pixels = band.lanes(*_unsigned(stretches.pixel))
-                calls.append(partial(probe.stretches_vjp, *band.inputs, wrt, image, stretch, *pixels))
+                calls.append(partial(probe.stretches_vjp, *band.beside, wrt, image, stretch, *pixels))
         if terms != "interior":
             for edges in self.edges:
                 changed = ad.Array2u(*band.lanes(*_unsigned(edges.pixel)))

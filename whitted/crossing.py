@@ -9,14 +9,16 @@ from drjit.llvm import ad
 
 from .camera import View, image_ray
 from .chain import Arrival, Path, follow, strongest_difference
-from .decisions import decide, mix
+from .decisions import decide, differ, mix
 from .derivative import Edge, level_vjp, pull_back
-from .events import NOTHING, classify, level_function
+from .events import NOTHING, SILHOUETTE, TOTAL, classify, level_function
 from .geometry import Array, Ray
 from .scene import Scene, closest_hit
 from .surface import surface
 from .trace import Limits, children, labelled_radiance
 
+# The least share of an edge that is worth samples of its own beside it
+SLIGHT = 0.3
 # Halvings of a segment before its event is told from what lies at its ends, and most steps to the level function's root
 HALVINGS = 1
 STEPS = 20
@@ -35,7 +37,7 @@ class Segment:
     length: Array  # from a to b
     start: Array
     stop: Array
-    label_start: Array  # UInt32: the labels at start and stop
+    label_start: Array  # UInt32 or UInt64: the labels at start and stop
     label_stop: Array
 
     def at(self, along: Array) -> tuple[Array, Array]:
@@ -53,8 +55,9 @@ class Crossing:
     change: Array  # Array2f: what they gain as the level function grows
     weight: Array  # the share of the edge that pairs of this direction account for; those of the other have the rest
     rising: Array  # Bool: the level function rises from a to b
+    singular: Array  # Bool: near the edge radiance changes like the square root of the distance, and enough to matter
     jump: Array  # Array3f: radiance right before the edge less that right behind it
-    label_before: Array  # UInt32: the labels there
+    label_before: Array  # UInt32 or UInt64: the labels there
     label_behind: Array
     more_before: Array  # Bool: another edge is between start and this one
     more_behind: Array
@@ -64,15 +67,20 @@ class Crossing:
 
 def cross(scene: Scene, camera: View, size: Array, segment: Segment, limits: Limits) -> Crossing:
     """Find an edge in a segment, and look at both its sides."""
-    along, slope, across, edge = _locate(scene, camera, size, segment, limits)
+    along, slope, across, edge, reach = _locate(scene, camera, size, segment, limits)
     single = type(along) is ad.Float
     valid = (edge.event.kind != NOTHING) & dr.isfinite(along) & dr.isfinite(slope) & dr.isfinite(across) & (slope != 0)
     ulp = (2.0**-23 if single else 2.0**-52) * dr.fmax(size.x, size.y)
     gap = dr.fmax(segment.length * (2.0**-10 if single else 1e-6), 8 * ulp)
     color, label = _both_sides(
-        scene, lambda k: image_ray(camera, size, *segment.at(along + dr.select(k == 0, -gap, gap))), limits
+        scene,
+        lambda k: image_ray(camera, size, *segment.at(along + dr.select(k == 0, -gap, gap))),
+        type(segment.label_start),
+        limits,
     )
-    found = valid & (label[0] != label[1])
+    found = valid & differ(*label)
+
+    rooted = (edge.event.kind == SILHOUETTE) | (edge.event.kind == TOTAL)
 
     # Scaled, as fourth powers leave the range of single precision
     largest = dr.fmax(dr.abs(slope), dr.abs(across))
@@ -94,18 +102,19 @@ def cross(scene: Scene, camera: View, size: Array, segment: Segment, limits: Lim
         change=dr.select(found, change, 0),
         weight=weight,
         rising=slope > 0,
+        singular=rooted & (weight > SLIGHT) & (reach >= 2 * limits.faint),
         jump=dr.select(found, color[0] - color[1], 0),
         label_before=label[0],
         label_behind=label[1],
-        more_before=valid & (label[0] != segment.label_start) & (along - segment.start > 2 * gap),
-        more_behind=valid & (label[1] != segment.label_stop) & (segment.stop - along > 2 * gap),
+        more_before=valid & differ(label[0], segment.label_start) & (along - segment.start > 2 * gap),
+        more_behind=valid & differ(label[1], segment.label_stop) & (segment.stop - along > 2 * gap),
         gap=gap,
         edge=edge,
     )
 
 
-def _both_sides(scene: Scene, ray_at: Callable[[Array], Ray], limits: Limits) -> tuple[tuple, tuple]:
-    """Radiance and labels of two rays, numbers 0 and 1."""
+def _both_sides(scene: Scene, ray_at: Callable[[Array], Ray], kind: type, limits: Limits) -> tuple[tuple, tuple]:
+    """Radiance and labels, of a type, of two rays, numbers 0 and 1."""
 
     def look(k, colors, labels):
         color, label = labelled_radiance(scene, ray_at(k), limits)
@@ -114,18 +123,20 @@ def _both_sides(scene: Scene, ray_at: Callable[[Array], Ray], limits: Limits) ->
         return k + 1, colors, labels
 
     width = dr.width(ray_at(ad.Int(0)))
-    color, label = dr.zeros(type(scene.background), width), dr.zeros(ad.UInt32, width)
+    color: Any = dr.zeros(type(scene.background), width)
+    label: Any = dr.zeros(kind, width)
     state: Any = dr.zeros(ad.Int, width), (color, color + 0), (label, label + 0)
     return dr.while_loop(state, lambda k, *_: k < 2, look, mode="symbolic", label="sides")[1:]
 
 
-def _locate(scene: Scene, camera: View, size: Array, segment: Segment, limits: Limits) -> tuple[Array, Array, Array, Edge]:
+def _locate(scene: Scene, camera: View, size: Array, segment: Segment, limits: Limits) -> tuple[Array, Array, Array, Edge, Array]:
     """Find an edge in a segment, at the node of the largest weight that has one.
 
     Where none is found, for example because a second edge hides it, the event is `NOTHING`.
 
     Returns:
-        Its distance from a, and the slopes of its level function along the segment and across it, per pixel.
+        Its distance from a, the slopes of its level function along the segment and across it, per pixel, what it is, and
+        the weight of its node.
     """
 
     def ray_at(along: Array) -> Ray:
@@ -153,7 +164,7 @@ def _locate(scene: Scene, camera: View, size: Array, segment: Segment, limits: L
     _, o, d = level_vjp(scene, {}, {}, dr.detach(ray), one, limits, edge)
     pull_back(dr.dot(ray.o, o) + dr.dot(ray.d, d), one)
     right, down = dr.grad(x), dr.grad(y)
-    return along, dr.select(segment.vertical, down, right), dr.select(segment.vertical, right, down), edge
+    return along, dr.select(segment.vertical, down, right), dr.select(segment.vertical, right, down), edge, dr.abs(a.weight)
 
 
 def _bisect(

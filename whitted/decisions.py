@@ -1,12 +1,18 @@
 """The discrete decisions at a node of the tree of rays, whose flips are the edges of the image.
 
-A sample's label is a hash of the decisions at all nodes of its tree. The radiance of samples with one label is one
-smooth function of the image position and the parameters; neighbours with different labels have an edge in between.
+A sample's label is a hash of the decisions at all nodes of its tree that weigh enough. The radiance of samples with one
+label is one smooth function of the image position and the parameters; neighbours with different labels have an edge in
+between.
+
+Where weights change with the angle (Fresnel), a node may come to weigh enough between two neighbours without an edge.
+Labels then have two halves, of nodes above one weight and above another: where an edge is, both differ.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
+import numpy as np
 
 from .geometry import Array, Ray
 from .scene import PointLight, Scene
@@ -73,3 +79,20 @@ def mix(label: Array, decisions: Decisions) -> Array:
         label = label ^ word
         label = ((label << 13) | (label >> 19)) * 5 + 0xE6546B64
     return label
+
+
+def joined(halves: tuple[Array, ...]) -> Array:
+    """A label of one half, UInt32, or of two, UInt64."""
+    if len(halves) == 1:
+        return halves[0]
+    long: Any = dr.uint64_array_t(type(halves[0]))
+    return long(halves[0]) | (long(halves[1]) << 32)
+
+
+def differ(a: Array, b: Array) -> Array:
+    """Whether an edge is between samples with these labels (arrays of Dr.Jit or of NumPy)."""
+    size = a.itemsize if isinstance(a, np.ndarray) else dr.itemsize_v(a)
+    if size == 4:
+        return a != b
+    both = a ^ b
+    return ((both & 0xFFFFFFFF) != 0) & ((both >> 32) != 0)

@@ -12,6 +12,8 @@ from typing import TypeVar
 
 import numpy as np
 
+from .decisions import differ
+
 Table = TypeVar("Table")
 
 
@@ -121,6 +123,8 @@ def flips(samples: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     places, ends = [], []
     for step in (1, columns):
         a = np.flatnonzero(labels[step:] != labels[:-step])
+        if labels.itemsize == 8:
+            a = a.take(np.flatnonzero(differ(labels.take(a), labels.take(a + step))))
         one, other = samples.pixel.take(a), samples.pixel.take(a + step)
         # Not those in the margin, among which are those from the end of a row to the next one's start
         a = a.take(np.flatnonzero((np.maximum(one, other) >= 0) & (one >= -1)))
@@ -146,8 +150,9 @@ def label_counts(samples: Samples, pixels: np.ndarray, least: float) -> np.ndarr
     columns = stride // side - 2
     start = (pixels // columns + 1) * side * stride + (pixels % columns + 1) * side
     near = start[:, None] + _window(side, stride)
-    around = np.sort(samples.labels.ravel().take(near), 1)
-    counts = 1 + (around[:, 1:] != around[:, :-1]).sum(1)
+    halves = samples.labels.ravel().take(near).view(np.uint32).reshape(near.size, samples.labels.itemsize // 4).T
+    around = [np.sort(half.reshape(near.shape), 1) for half in halves]
+    counts = 1 + np.min([(row[:, 1:] != row[:, :-1]).sum(1) for row in around], 0)
     several = np.flatnonzero(counts > 2)
     seen = samples.colors.take(near[several], 0)
     high = seen.max(1)
@@ -180,7 +185,7 @@ def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray, l
     beyond = labels.take(np.stack([sample[0] - step, sample[1] + step]), mode="clip")
     x, y = samples.x.take(a), samples.y.take(a) + samples.top
     length = np.full(len(a), 1 / samples.side)
-    return Pairs(x, y, step > 1, length, sample + samples.first, label, pixel, beyond == label)
+    return Pairs(x, y, step > 1, length, sample + samples.first, label, pixel, ~differ(beyond, label))
 
 
 @dataclass(frozen=True)

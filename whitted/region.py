@@ -1,7 +1,7 @@
 """A band of an image's rows, and the way between NumPy's arrays and those of the kernels that work on it."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +18,8 @@ from .trace import Limits
 SAMPLES = 1 << 20
 LANES = 1 << 17
 PACKET = 16
+# The least weight of a ray of a sample beside an edge, for one sample a pixel
+DIM = 1 / 32
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,12 @@ class Band:
     def inputs(self) -> tuple[Shape, dict[str, Array], Array, Limits]:
         """What all kernels of `probe` take first."""
         return self.shape, self.parameters, self.inner.size, self.limits
+
+    @cached_property
+    def beside(self) -> tuple[Shape, dict[str, Array], Array, Limits]:
+        """The same, for samples beside edges, of which each counts for a part of a pixel: rays of little weight are left out."""
+        importance = max(self.shape.scene.min_importance, DIM / self.side**2)
+        return *self.inputs[:-1], replace(self.limits, importance=dr.opaque(self.real, importance))
 
     def lanes(self, *arrays: np.ndarray) -> list[Array]:
         """Dr.Jit arrays of whole packets."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import drjit as dr
 
-from .decisions import decide, mix
+from .decisions import decide, joined, mix
 from .geometry import Array, Ray
 from .optics import fresnel, reflect, refract, transmission
 from .scene import Scene, closest_hit
@@ -41,7 +41,11 @@ class Limits:
     max_depth: int  # nodes on the longest chain
     depth: Array  # UInt32: the same, opaque to the kernel
     importance: Array | None  # a child whose product of weights is below it is not traced
-    faint: Array | None = None  # edges at nodes whose product of weights is below it are left to the samples
+    faint: Array = None  # edges at nodes whose product of weights is below it are left to the samples
+
+    def visible(self, scene: Scene) -> tuple[Array, ...]:
+        """The least products of weights of the nodes that count for a label, or for each half of it."""
+        return (self.faint, self.faint / 2) if varies(scene) else (self.faint,)
 
 
 def reflects(scene: Scene) -> bool:
@@ -56,6 +60,11 @@ def refracts(scene: Scene) -> bool:
 def branches_out(scene: Scene) -> bool:
     """Whether any material can send both rays at once; without one the tree is a chain."""
     return any(scene.may(m, "reflection") and scene.may(m, "refraction") for m in scene.used)
+
+
+def varies(scene: Scene) -> bool:
+    """Whether the weight of a path can change while no decision flips."""
+    return any(m.fresnel for m in scene.used) and refracts(scene)
 
 
 def scatter(scene: Scene, ray: Ray, at: Surface) -> list[Branch]:
@@ -114,16 +123,21 @@ def radiance(scene: Scene, ray: Ray, limits: Limits) -> Array:
 
 
 def labelled_radiance(scene: Scene, ray: Ray, limits: Limits) -> tuple[Array, Array]:
-    """Radiance along rays, and the labels of their trees: a hash of all decisions (`decisions.py`)."""
-    light, (label,) = _walk(scene, ray, limits, (dr.zeros(type(ray.source), dr.width(ray)),))
-    return light, label
+    """Radiance along rays, and the labels of their trees: hashes of all decisions (`decisions.py`)."""
+    nothing = dr.zeros(type(ray.source), dr.width(ray))
+    light, labels = _walk(scene, ray, limits, tuple(nothing + k for k in range(len(limits.visible(scene)))))
+    return light, joined(labels)
 
 
 def _walk(scene: Scene, ray: Ray, limits: Limits, label: tuple) -> tuple[Array, tuple]:
-    """Radiance, and the label, if there is one, with all nodes' decisions mixed in."""
+    """Radiance, and the label's halves, if there are any, with all nodes' decisions mixed in."""
 
     def look(ray, at, weight, active, label):
-        return tuple(dr.select(dr.abs(weight) >= limits.faint, mix(part, decide(scene, ray, at, active)), part) for part in label)
+        if not label:
+            return label
+        decided = decide(scene, ray, at, active)
+        halves = zip(limits.visible(scene), label, strict=True)
+        return tuple(dr.select(dr.abs(weight) >= least, mix(part, decided), part) for least, part in halves)
 
     if not reflects(scene):
         at = surface(scene, ray, closest_hit(scene, ray))

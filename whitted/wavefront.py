@@ -15,7 +15,7 @@ from .derivative import pull_back, push_forward, radiance_jvp, radiance_vjp
 from .film import Film, next_sample, pixel, sample_ray
 from .geometry import Array
 from .scene import Scene, Shape
-from .trace import Limits, labelled_radiance, radiance
+from .trace import Limits, labelled_radiance, radiance, varies
 
 # Lanes of the reverse kernel: each takes many pixels, so that little is left to sum
 REVERSE_LANES = 1 << 14
@@ -67,7 +67,7 @@ def image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> Array:
 def labelled_image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> tuple[Array, Array, Array]:
     """A band's pixels, and radiance and labels of its samples and of those in its margin, row by row of samples."""
     scene, camera = prepare(shape.filled(parameters), film.size)
-    colors, labels = dr.empty(type(film.step), film.labels * 3), dr.empty(ad.UInt32, film.labels)
+    colors, labels = dr.empty(type(film.step), film.labels * 3), dr.empty(ad.UInt64 if varies(scene) else ad.UInt32, film.labels)
     row = (film.width + 2 * film.margin) * film.side
 
     def of_sample(x, y, i, j):
