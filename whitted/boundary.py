@@ -106,7 +106,8 @@ class _Search:
             finer = [(busy[(counts > 2) & (counts < 5)], 2), (busy[counts == 5], 4)]
         else:
             finer = [(busy[counts > 2], band.side * (4 if band.side <= 4 else 2))]
-        places = [fine_samples(*group, (band.resolution[0], band.rows), band.first_row) for group in finer]
+        size = band.resolution[0], band.rows
+        places = [fine_samples(pixels, side, size, band.first_row) for pixels, side in finer if pixels.size]
         traced = self.trace(places)
 
         # Busy pixels are done apart
@@ -130,6 +131,8 @@ class _Search:
 
     def trace(self, fine: list[tuple[Samples, np.ndarray]]) -> list[tuple[Array, Array]]:
         """Begin to trace finer samples: their radiance and labels."""
+        if not fine:
+            return []
         x, y = (np.concatenate([getattr(group, name)[places] for group, places in fine]) for name in "xy")
         parts = chunks(len(x), SAMPLES)
         return [probe.samples(*self.band.inputs, *self.band.lanes(x[part], y[part])) for part in parts]
@@ -145,7 +148,8 @@ class _Search:
             shape, part = group.labels.shape, slice(done, done + len(places))
             label, color = np.zeros(group.labels.size, labels.dtype), np.zeros((group.labels.size, 3), colors.dtype)
             label[places], color[places] = labels[part], colors[part]
-            label, color = label.take(group.twin), color.take(group.twin, 0)
+            every = group.counted(np.arange(label.size))
+            label, color = label.take(every), color.take(every, 0)
             result.append(replace(group, labels=label.reshape(shape), colors=color, first=number))
             mean = color.reshape(*shape, 3)[:, 1:-1, 1:-1].mean((1, 2))
             self.image.reshape(-1, 3)[group.pixel.reshape(shape)[:, 1, 1]] = mean

@@ -37,10 +37,14 @@ class Samples:
     x: np.ndarray  # image position
     y: np.ndarray
     pixel: np.ndarray  # that a sample counts for; -1 in the margin, where that belongs to a grid to the left or above -2
-    twin: np.ndarray  # the place of the sample that stands for it: that at the same position which counts for a pixel
+    twin: np.ndarray | None  # the place of the sample at the same position that counts for a pixel, where there are such
     side: int  # samples along a pixel's side
     first: int  # number of the first sample
     top: int  # to be added to y
+
+    def counted(self, place: np.ndarray) -> np.ndarray:
+        """The places of the samples that stand for those at some places."""
+        return place if self.twin is None else self.twin.take(place)
 
 
 @dataclass(frozen=True)
@@ -62,18 +66,17 @@ class Pairs:
 
 def band_samples(labels: np.ndarray, colors: np.ndarray, side: int, first_row: int) -> Samples:
     """The samples of a band with a margin of one pixel, row by row."""
-    return Samples(labels[None], colors, *_band_grid(labels.shape, side), side, 0, first_row)
+    return Samples(labels[None], colors, *_band_grid(labels.shape, side), None, side, 0, first_row)
 
 
 @lru_cache(maxsize=2)
-def _band_grid(shape: tuple[int, int], side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """For each sample of a band with a margin its position, its pixel, and its own place."""
+def _band_grid(shape: tuple[int, int], side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """For each sample of a band with a margin its position and its pixel."""
     rows, columns = shape[0] // side - 2, shape[1] // side - 2
-    place = np.arange(shape[0] * shape[1])
-    j, i = np.divmod(place, shape[1])
+    j, i = np.divmod(np.arange(shape[0] * shape[1]), shape[1])
     x, y = i // side - 1, j // side - 1
     pixel = np.where((x >= 0) & (y >= 0) & (x < columns) & (y < rows), y * columns + x, -1)
-    return (i + 0.5) / side - 1, (j + 0.5) / side - 1, pixel.astype(np.int32), place
+    return (i + 0.5) / side - 1, (j + 0.5) / side - 1, pixel.astype(np.int32)
 
 
 def fine_samples(pixels: np.ndarray, side: int, resolution: tuple[int, int], first_row: int) -> tuple[Samples, np.ndarray]:
@@ -129,7 +132,7 @@ def flips(samples: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         # Not those in the margin, among which are those from the end of a row to the next one's start
         a = a.take(np.flatnonzero((np.maximum(one, other) >= 0) & (one >= -1)))
         places.append(a)
-        ends.append(samples.pixel.take(np.stack([a, samples.twin.take(a + step)])))
+        ends.append(samples.pixel.take(np.stack([a, samples.counted(a + step)])))
     a = np.concatenate(places)
     return a, a + np.repeat([1, columns], [len(part) for part in places]), np.concatenate(ends, 1)
 
@@ -180,7 +183,7 @@ def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray, l
     # Sixteen bits of a hash, which NumPy sorts in linear time
     order = kept[np.argsort((labels.take(a[kept]) + labels.take(b[kept])).astype(np.uint16), kind="stable")]
     a, b, pixel = a.take(order), b.take(order), ends.take(order, 1)
-    sample, step = samples.twin.take(np.stack([a, b])), b - a
+    sample, step = samples.counted(np.stack([a, b])), b - a
     label = labels.take(sample)
     beyond = labels.take(np.stack([sample[0] - step, sample[1] + step]), mode="clip")
     x, y = samples.x.take(a), samples.y.take(a) + samples.top
