@@ -52,7 +52,22 @@ def derivative(loaded, name, component=0, **options):
     return jvp(lambda moved: render(loaded.replace(moved), **options), values, {name: only(values[name], component)})
 
 
-# Closed forms
+@pytest.mark.parametrize("spp", [1, 4])
+@pytest.mark.parametrize(("up", "left"), [(1, 1), (1, -1), (-1, 1), (-1, -1)])
+def test_edge_through_samples(load, precision, spp, up, left):
+    """A crease along a diagonal of the image passes through samples, where rounding decides on which side of it they lie.
+
+    Seen from the origin, y = -offset meets x = 1 at v = -offset u: in the quadrant the area below it, N^2 / 8 pixels, changes
+    by as much for a unit of offset.
+    """
+    ahead = AHEAD.replace("[0, 0, 4]", "[0, 0, 0]").replace("look_at = [0, 0, 0]", "look_at = [0, 0, -1]")
+    floor, side = wall([0, up, 0], 1, "white"), wall([left, 0, 0], 1, "red")
+    loaded = load("max_depth = 1\n" + GLOW + ahead + WHITE + RED + floor + side, precision)
+    image, slope = render(loaded, spp).numpy(), derivative(loaded, "planes.plane0.offset", spp=spp)
+    rows, columns = slice(16, 32) if up == 1 else slice(0, 16), slice(0, 16) if left == 1 else slice(16, 32)
+    white, red = np.array([0.9, 0.8, 0.7]), np.array([0.7, 0.1, 0.2])
+    np.testing.assert_allclose(image[rows, columns].sum((0, 1)), 128 * (white + red), rtol=1e-3)
+    np.testing.assert_allclose(slope[rows, columns].sum((0, 1)), -128 * (white - red), rtol=5e-3)
 
 
 # Each kind of edge

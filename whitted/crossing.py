@@ -17,6 +17,8 @@ from .scene import Scene, closest_hit
 from .surface import surface
 from .trace import Limits, children, labelled_radiance
 
+# A level at one end of a segment, relative to the one at the other end, below which the edge is at that end
+ON_SAMPLE = 2.0**-12
 # The least share of an edge that is worth samples of its own beside it
 SLIGHT = 0.3
 # Halvings of a segment before its event is told from what lies at its ends, and most steps to the level function's root
@@ -151,9 +153,14 @@ def _locate(scene: Scene, camera: View, size: Array, segment: Segment, limits: L
         level, faint = level_function(scene, arrival, event, limits)
         return level + faint * arrival.weight
 
-    ends = value(a), value(b)
+    # Of an edge at a sample itself rounding decides on which side that is, and on the level's sign
+    ends: list[Any] = [value(a), value(b)]
+    largest = dr.fmax(dr.abs(ends[0]), dr.abs(ends[1]))
+    rounded = ends[0] * ends[1] > 0
+    ends = [dr.select(rounded & (dr.abs(end) < ON_SAMPLE * largest), 0, end) for end in ends]
     along = _root(lambda along: value(follow(scene, ray_at(along), path, limits)), low, high, *ends)
-    event.kind = dr.select(found & (ends[0] * ends[1] < 0) & (along >= start) & (along <= stop), event.kind, NOTHING)
+    crossed = found & (ends[0] * ends[1] <= 0) & (largest > 0) & (along >= start) & (along <= stop)
+    event.kind = dr.select(crossed, event.kind, NOTHING)
     edge = Edge(path, event)
 
     # The level function's slope in the image

@@ -179,11 +179,18 @@ def small(p: Precision) -> Iterator[Check]:
     walls = wall("floor", (0, 1, 0), 0.001, "red") + wall("side", (1, 0, 0), 0.001, "white")
     pair = ball("near", (0.3, 0.3, 0), 0.4, "red") + ball("far", (-0.3, -0.3, 1), 0.4, "white")
     sky = "background = [0.2, 0.4, 0.9]\n"
-    for what, objects, name in (("grazing edges", walls, "planes.floor.offset"), ("crossing edges", pair, "spheres.near.radius")):
+    # The walls meet along a diagonal, through samples, and u pixels from the middle they do so u / 0.001 lower for a unit of
+    # offset. For the pair a unit is 11 pixels, and no pixel holds more than sqrt(2) of an edge's length, or two edges'
+    for what, objects, name, bound in (
+        ("grazing edges", walls, "planes.floor.offset", 16 / 0.001),
+        ("crossing edges", pair, "spheres.near.radius", 100),
+    ):
         scene = scene_of(p, sky, GLOW, AHEAD, RED, WHITE, objects)
         yield from finite_checks(scene, what, name, boundary=True)
-        # A unit of length is 11 pixels here, and no pixel holds more than sqrt(2) of an edge's length, or two edges'
-        yield Check(f"{what}: largest d pixel / d {name}", worst(forward(scene, name, boundary=True)), 100)
+        yield Check(f"{what}: largest d pixel / d {name}", worst(forward(scene, name, boundary=True)), bound)
+    whole, red = 16**2 / 2 / 0.001, (0.7 + 0.1 + 0.2) / 3
+    scene = scene_of(p, sky, GLOW, AHEAD, RED, WHITE, walls)
+    yield from slope_checks(scene, "planes.floor.offset", None, whole * (1 - red), 5e-3, boundary=True)
 
 
 def _rings(p: Precision, curves: int, most: int) -> tuple[Scene, float, float]:
