@@ -96,7 +96,7 @@ def test_pixels_with_three_labels_are_crowded():
 
 
 def test_finer_samples_fill_a_pixel_with_a_ring_around_it():
-    samples, traced = fine_samples(np.array([5]), 2, (4, 2), first_row=3)
+    samples, traced = fine_samples(np.array([5]), 2, 4, first_row=3)
     np.testing.assert_array_equal(samples.x.reshape(4, 4), [[0.75, 1.25, 1.75, 2.25]] * 4)
     np.testing.assert_array_equal(samples.y.reshape(4, 4), np.array([[3.75, 4.25, 4.75, 5.25]] * 4).T)
     assert (samples.pixel >= 0).sum() == 4
@@ -108,11 +108,13 @@ def test_finer_samples_fill_a_pixel_with_a_ring_around_it():
 @pytest.mark.parametrize(("step", "columns"), [(1, 4), (4, 4)])
 def test_finer_samples_of_neighbours_are_traced_once(step, columns):
     """Of two pixels side by side, or one above the other."""
-    samples, traced = fine_samples(np.array([5, 5 + step]), 2, (columns, 4), first_row=0)
+    samples, traced = fine_samples(np.array([5, 5 + step]), 2, columns, first_row=0)
     assert len(traced) == 24 - 4
     assert samples.x.tolist() == samples.x.take(samples.twin).tolist()
     assert samples.y.tolist() == samples.y.take(samples.twin).tolist()
     assert set(samples.twin[np.delete(np.arange(32), traced)].tolist()) <= {*traced.tolist(), 0, 3, 12, 15, 16, 19, 28, 31}
+    # Not of the last pixel of a row and the first of the next
+    assert len(fine_samples(np.array([3, 4]), 2, 4, first_row=0)[1]) == 24
     # An edge between them is found once, by the first, and belongs to both
     labels = np.where(samples.pixel.take(samples.twin) == 5 + step, 2, 1).astype(np.uint32).reshape(2, 4, 4)
     labels[1] = [[2, 2, 2, 3]] * 4 if step == 1 else [[2] * 4] * 3 + [[3] * 4]
@@ -124,7 +126,7 @@ def test_finer_samples_of_neighbours_are_traced_once(step, columns):
 
 def test_finer_pairs_count_only_in_their_pixel():
     labels = np.array([[[1, 2, 2, 3]] * 4], np.uint32)
-    samples = replace(fine_samples(np.array([5]), 2, (4, 2), first_row=0)[0], labels=labels)
+    samples = replace(fine_samples(np.array([5]), 2, 4, first_row=0)[0], labels=labels)
     pairs = pairs_of(replace(samples, colors=bright(labels), first=100), *flips(samples), 0)
     assert pairs.pixel.T.tolist() == [[-1, 5]] * 2 + [[5, -1]] * 2
     assert pairs.sample.T.tolist() == [[104, 105], [108, 109], [106, 107], [110, 111]]

@@ -106,8 +106,8 @@ class _Search:
             finer = [(busy[(counts > 2) & (counts < 5)], 2), (busy[counts == 5], 4)]
         else:
             finer = [(busy[counts > 2], band.side * (4 if band.side <= 4 else 2))]
-        size = band.resolution[0], band.rows
-        places = [fine_samples(pixels, side, size, band.first_row) for pixels, side in finer if pixels.size]
+        columns, top = band.resolution[0], band.first_row
+        places = [fine_samples(pixels, side, columns, top) for pixels, side in finer if pixels.size]
         traced = self.trace(places)
 
         # Busy pixels are done apart

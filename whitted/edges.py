@@ -79,14 +79,13 @@ def _band_grid(shape: tuple[int, int], side: int) -> tuple[np.ndarray, np.ndarra
     return (i + 0.5) / side - 1, (j + 0.5) / side - 1, pixel.astype(np.int32)
 
 
-def fine_samples(pixels: np.ndarray, side: int, resolution: tuple[int, int], first_row: int) -> tuple[Samples, np.ndarray]:
-    """side * side samples in each pixel, of a band with so many columns and rows, and a ring of samples around it.
+def fine_samples(pixels: np.ndarray, side: int, columns: int, first_row: int) -> tuple[Samples, np.ndarray]:
+    """side * side samples in each of a band's pixels, which are in order, and a ring of samples around it.
 
     Returns:
         The samples without their labels and colors, and the places of those to be traced: in a ring, corners have no use,
         and what lies in another one of the pixels is traced there.
     """
-    columns, rows = resolution
     column, row = pixels % columns, pixels // columns
     ring = np.arange(-1, side + 1) + 0.5
     x = ((column * side)[:, None, None] + ring + 0 * ring[:, None]) / side
@@ -99,17 +98,15 @@ def fine_samples(pixels: np.ndarray, side: int, resolution: tuple[int, int], fir
     twin = np.arange(pixel.size).reshape(pixel.shape)
 
     # What rings share with other pixels
-    number = np.full(columns * rows + 1, -1)
-    number[pixels] = np.arange(len(pixels))
     sides = (
         (column > 0, -1, grid[1:-1, 0], inside[:, -1]),
-        (row > 0, -columns, grid[0, 1:-1], inside[-1]),
+        (True, -columns, grid[0, 1:-1], inside[-1]),
         (column < columns - 1, 1, grid[1:-1, -1], inside[:, 0]),
-        (row < rows - 1, columns, grid[-1, 1:-1], inside[0]),
+        (True, columns, grid[-1, 1:-1], inside[0]),
     )
     for exists, step, here, there in sides:
-        other = number.take(np.where(exists, pixels + step, -1))
-        own = np.flatnonzero(other >= 0)
+        other = np.searchsorted(pixels[:-1], pixels + step)
+        own = np.flatnonzero(exists & (pixels.take(other) == pixels + step))
         place = own[:, None], here
         twin[place] = other[own, None] * grid.size + there
         traced[place] = False
