@@ -7,6 +7,7 @@ from samples import CAMERA, MATERIALS, SKY, sphere
 
 import whitted as wt
 from whitted.accuracy import Setting, recommend, settings
+from whitted.render import render
 
 BALLS = SKY + "max_depth = 1\n" + CAMERA + MATERIALS + sphere([0, 0, 0], 0.9, "red") + sphere([1, 0.5, -1], 0.8, "checks_less")
 
@@ -39,11 +40,22 @@ def test_the_cheapest_good_setting_is_taken(balls, monkeypatch):
     np.testing.assert_array_equal(wt.render(balls, error=0.02, resolution=size).numpy(), expected)
 
 
+def test_errors_are_told_from_plain_samples_where_edges_take_long(balls, monkeypatch):
+    offered = [Setting(1, False, 1.0), Setting(16, False, 2.0), Setting(1, True, 3.0), Setting(4, True, 2000.0)]
+    monkeypatch.setattr("whitted.accuracy.settings", lambda *_: offered)
+    tried = []
+    monkeypatch.setattr(
+        "whitted.accuracy.render_samples", lambda *args, **options: tried.append(args[1]) or render(*args, **options)
+    )
+    assert recommend(balls, 0.02, resolution=(160, 120)) == offered[1]
+    assert tried == [1024, 1, 16]
+
+
 def test_costs_of_larger_images_are_told_from_small_ones(balls):
     """Both of 128 x 128 pixels; sixteen times as many take sixteen times as long, or less where edges count."""
     small, large = (settings(balls, None, (side, side)) for side in (128, 512))
     assert {(one.spp, one.boundary) for one in small} == {(one.spp, one.boundary) for one in large}
-    assert len(small) == 11
+    assert len(small) == 10
     assert all(0 < one.cost < other.cost for one, other in zip(small, large, strict=True))
 
 

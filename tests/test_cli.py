@@ -252,7 +252,8 @@ def test_disk_that_is_full(tmp_path, capsys, monkeypatch):
 def test_error_chooses_the_samples(tmp_path, capsys, monkeypatch):
     from whitted.accuracy import Setting
 
-    monkeypatch.setattr("whitted.accuracy.settings", lambda *_: [Setting(4, False, 1.0)])
+    offered = [Setting(4, False, 1.0), Setting(1, False, 2.0), Setting(4, True, 3.0)]
+    monkeypatch.setattr("whitted.accuracy.settings", lambda *_: offered)
     out = tmp_path / "a.exr"
     assert run(["render", str(SCENE), "-o", str(out), "--size", "24x16", "--depth", "3", "--error", "0.5"]) == 0
     assert "for an error of 0.5: spp 4, plain samples" in capsys.readouterr().out

@@ -9,7 +9,7 @@ mean square falls like 1 / sqrt(n), and the error like n^(-1/4).
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import drjit as dr
@@ -19,9 +19,12 @@ from .geometry import Array
 from .render import render as render_samples
 from .scene import Scene
 
-# Samples along a pixel's side of what is tried, plain and with edges, and of what that is held against
-SIDES = {False: (1, 2, 3, 4, 6, 8, 12, 16), True: (1, 2, 3)}
-REFERENCE = 4
+# Samples along a pixel's side of what is tried, plain and with edges
+SIDES = {False: (1, 2, 3, 4, 6, 8, 12, 16), True: (1, 2)}
+# Plain samples a pixel that errors are told from where those with edges would take longer
+MANY = 1024
+# What is left of the error with edges where spp is 4 and not 1, at most
+FALL_WITH_EDGES = 1 / 4
 # Pixels along the longer side of the image whose times are taken, and most of the one whose errors are
 SMALL, LARGE = 128, 512
 # What the samples of an image with edges cost more than plain ones
@@ -77,8 +80,9 @@ def recommend(scene: Scene, error: float, max_depth: int | None = None, resoluti
     best = np.inf
     resolution = resolution or scene.resolution
     with dr.suspend_grad():
-        error_of = _errors(scene, max_depth, resolution)
-        for setting in sorted(settings(scene, max_depth, resolution), key=lambda setting: setting.cost):
+        offered = sorted(settings(scene, max_depth, resolution), key=lambda setting: setting.cost)
+        error_of = _errors(scene, max_depth, resolution, offered)
+        for setting in offered:
             found = SAFETY * error_of(setting)
             if found <= error:
                 return setting
@@ -101,16 +105,28 @@ def settings(scene: Scene, max_depth: int | None, resolution: tuple[int, int]) -
     return result
 
 
-def _errors(scene: Scene, max_depth: int | None, resolution: tuple[int, int]) -> Callable[[Setting], float]:
-    """A function that measures a setting's relative error."""
+def _errors(
+    scene: Scene, max_depth: int | None, resolution: tuple[int, int], offered: list[Setting]
+) -> Callable[[Setting], float]:
+    """A function that measures a setting's relative error, against a good one of those offered or many plain samples."""
     size, more = _reduced(resolution, LARGE)
 
+    @lru_cache
     def image(spp: int, boundary: bool) -> np.ndarray:
         return render_samples(scene, spp, boundary=boundary, max_depth=max_depth, resolution=size).numpy().astype(np.float64)
 
-    reference = image(REFERENCE**2, True)
+    cost = {(one.spp, one.boundary): one.cost for one in offered}
+    best = (4, True) if cost[4, True] < MANY * cost[1, False] else (MANY, False)
+    reference = image(*best)
     scale = float(np.sqrt(np.mean(reference**2))) or 1.0
-    return lambda chosen: float(np.sqrt(np.mean((image(chosen.spp, chosen.boundary) - reference) ** 2))) / scale * more**-FALL
+
+    def error_of(chosen: Setting) -> float:
+        itself = (chosen.spp, chosen.boundary) == best
+        pixels = image(1, True) if itself else image(chosen.spp, chosen.boundary)
+        error = float(np.sqrt(np.mean((pixels - reference) ** 2))) / scale * more**-FALL
+        return error * FALL_WITH_EDGES if itself else error
+
+    return error_of
 
 
 def _reduced(resolution: tuple[int, int], side: int) -> tuple[tuple[int, int], float]:
