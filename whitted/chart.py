@@ -167,8 +167,8 @@ def _errors(path: Path, rows: Rows, best: Rows, label: str) -> None:
         times, spreads = [row["ms"] for row in own], [row["spread"] for row in own]
         axes.errorbar(times, [row["error"] for row in own], xerr=spreads, fmt="o-", ms=4, label=kind)
         for row in own:
-            text, place = row["name"].split(", ", 1)[-1], (row["ms"], row["error"])
-            axes.annotate(text, place, fontsize=6, xytext=(3, 3), textcoords="offset points")
+            text, place = row["name"].removeprefix(f"{kind}, "), (row["ms"], row["error"])
+            axes.annotate(text, place, fontsize=6, rotation=40, xytext=(2, 3), textcoords="offset points")
     if best:
         axes.plot([row["ms"] for row in best], [row["error"] for row in best], "k:", lw=1, label="no setting is better in both")
     for row in rows:
