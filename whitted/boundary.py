@@ -92,7 +92,7 @@ class _Search:
         self.flat, colors, labels = wavefront.labelled_image(band.shape, band.parameters, band.film(1), band.limits)
         self.image = self.flat.numpy()
         grid = labels.numpy().reshape((band.rows + 2) * band.side, -1)
-        self.samples = band_samples(grid, colors.numpy().reshape(-1, 3), band.side, band.first_row)
+        self.samples = band_samples(grid, colors.numpy().reshape(-1, 4), band.side, band.first_row)
         self.taken = np.zeros(0)
         self.result = Correction(band)
 

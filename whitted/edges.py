@@ -33,7 +33,7 @@ class Samples:
     """Samples on one or more grids of the same shape; what is not in that shape has one row for each sample."""
 
     labels: np.ndarray  # (grids, rows, columns)
-    colors: np.ndarray  # (samples, 3)
+    colors: np.ndarray  # (samples, 3), or 4 with a zero
     x: np.ndarray  # image position
     y: np.ndarray
     pixel: np.ndarray  # that a sample counts for; -1 in the margin, where that belongs to a grid to the left or above -2

@@ -65,16 +65,18 @@ def image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> Array:
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
 def labelled_image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> tuple[Array, Array, Array]:
-    """A band's pixels, and radiance and labels of its samples and of those in its margin, row by row of samples."""
+    """A band's pixels, and radiance (and a zero) and labels of its samples and those in its margin, row by row of samples."""
     scene, camera = prepare(shape.filled(parameters), film.size)
-    colors, labels = dr.empty(type(film.step), film.labels * 3), dr.empty(ad.UInt64 if varies(scene) else ad.UInt32, film.labels)
+    colors, labels = dr.empty(type(film.step), film.labels * 4), dr.empty(ad.UInt64 if varies(scene) else ad.UInt32, film.labels)
     row = (film.width + 2 * film.margin) * film.side
+    four = ad.Array4f if type(film.step) is ad.Float else ad.Array4f64
 
     def of_sample(x, y, i, j):
         color, label = labelled_radiance(scene, sample_ray(camera, film, x, y, i, j), limits)
         index = ad.UInt32(((y + film.margin) * film.side + j) * row + (x + film.margin) * film.side + i)
         dr.scatter(labels, label, index)
-        dr.scatter(colors, color, index)
+        # Four numbers are stored at once, three one by one
+        dr.scatter(colors, four(color.x, color.y, color.z, 0), index)
         return color
 
     return accumulate(film, of_sample, type(scene.background)), colors, labels
