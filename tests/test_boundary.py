@@ -267,6 +267,16 @@ def test_bands_are_the_whole(load, monkeypatch, precision):
     np.testing.assert_array_equal(derivative(loaded, "spheres.sphere0.center", spp=4), slope)
 
 
+def test_chunks_of_edges_are_the_whole(load, monkeypatch, precision):
+    """Pixels to the last bit, derivatives to rounding."""
+    loaded = load(MIXED, precision)
+    whole, slope = render(loaded, 4).numpy(), derivative(loaded, "spheres.sphere0.center", spp=4)
+    monkeypatch.setattr(sys.modules["whitted.boundary"], "LANES", 64)
+    np.testing.assert_array_equal(render(loaded, 4).numpy(), whole)
+    chunked = derivative(loaded, "spheres.sphere0.center", spp=4)
+    assert abs(chunked - slope).max() <= (1e-5 if precision == "single" else 1e-12) * abs(slope).max()
+
+
 def test_image_is_the_same_twice(load, precision):
     loaded = load(MIXED, precision)
     np.testing.assert_array_equal(render(loaded, 4).numpy(), render(loaded, 4).numpy())

@@ -53,6 +53,7 @@ from .correction import Correction, Finer, Moving, Stretches, numbers_of
 from .crossing import Crossing, Segment
 from .edges import (
     Crossings,
+    Moves,
     Pairs,
     Samples,
     band_samples,
@@ -94,6 +95,7 @@ class _Search:
         grid = labels.numpy().reshape((band.rows + 2) * band.side, -1)
         self.samples = band_samples(grid, colors.numpy().reshape(-1, 4), band.side, band.first_row)
         self.taken = np.zeros(0)
+        self.moves: dict[int, list[Moves]] = {}  # by the round of the search
         self.result = Correction(band)
 
     def run(self) -> tuple[Array, Correction]:
@@ -123,7 +125,8 @@ class _Search:
         if self.keep:
             self.taken = np.zeros(sum(group.labels.size for group in (samples, *fine)), number(band.real))
         for part in chunks(len(pairs), LANES):
-            self.cross(pairs if len(pairs) <= LANES else take(pairs, np.arange(part.start, part.stop)))
+            self.cross(pairs if len(pairs) <= LANES else take(pairs, np.arange(part.start, part.stop)), part.start)
+        self.move()
 
         if self.keep:
             self.keep_samples(busy, fine)
@@ -171,19 +174,25 @@ class _Search:
             weight = (1 - self.taken[group.first + inside]) / group.side**2
             self.result.finer.append(Finer(group.x[inside], group.y[inside], group.pixel[inside], weight))
 
-    def cross(self, pairs: Pairs) -> None:
-        """Find the edges between pairs of samples, and correct the pixels."""
+    def cross(self, pairs: Pairs, first: int) -> None:
+        """Find the edges between pairs of samples, and what they move from pixel to pixel."""
         groups, edges = [], []
-        for pair, lane, crossing in _rounds(self.band, pairs):
+        for round, (pair, lane, crossing) in enumerate(_rounds(self.band, pairs)):
             jump = rows(crossing.jump, lane)
-            moved = rows(crossing.moved, lane)
-            deposit(self.image, pairs.pixel.take(pair, 1), *(moved * channel for channel in jump))
+            move = Moves(pair + first, pairs.pixel.take(pair, 1), rows(crossing.moved, lane), jump)
+            self.moves.setdefault(round, []).append(move)
             if self.keep:
                 along, *kept = (getattr(crossing, name).numpy().take(lane) for name in ("along", "weight", "rising", "singular"))
                 groups.append(Crossings(pair, along, jump, rows(crossing.change, lane), *kept))
                 edges.append(numbers_of(crossing.edge, lane))
         if any(groups):
             self.keep_edges(pairs, joined(groups), {name: np.concatenate([edge[name] for edge in edges]) for name in edges[0]})
+
+    def move(self) -> None:
+        """Correct the pixels, in an order that does not depend on the chunks: sums are the same to the last bit."""
+        for moves in map(joined, self.moves.values()):
+            ordered = take(moves, np.argsort(moves.pair, kind="stable"))
+            deposit(self.image, ordered.pixel, *(ordered.moved * channel for channel in ordered.jump))
 
     def keep_edges(self, pairs: Pairs, found: Crossings, edge: dict[str, np.ndarray]) -> None:
         """What edges do to the derivatives."""

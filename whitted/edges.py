@@ -189,6 +189,16 @@ def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray, l
 
 
 @dataclass(frozen=True)
+class Moves:
+    """What edges move between the pixels of pairs."""
+
+    pair: np.ndarray
+    pixel: np.ndarray  # (2, N)
+    moved: np.ndarray  # (2, N), in units of the jump
+    jump: np.ndarray  # (3, N)
+
+
+@dataclass(frozen=True)
 class Crossings:
     """Edges that cross pairs."""
 
