@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from whitted.edges import Pairs, band_samples, crowded, deposit, fine_samples, flips, label_counts, pairs_of
+from whitted.edges import Crossings, Pairs, band_samples, crowded, deposit, fine_samples, flips, label_counts, pairs_of, stretches
 
 # 2 x 2 pixels with a margin of one; the label changes between the second column and the third
 STEP = np.array([[1, 1, 2, 2]] * 4, np.uint32)
@@ -28,7 +28,6 @@ def test_pairs_lie_across_a_vertical_edge():
     assert pairs.sample.T.tolist() == [[5, 6], [9, 10]]
     assert list(zip(pairs.x.tolist(), pairs.y.tolist(), strict=True)) == [(0.5, 10.5), (0.5, 11.5)]
     assert not pairs.vertical.any()
-    assert pairs.alone.all()
     assert pairs.label.T.tolist() == [[1, 2]] * 2
 
 
@@ -40,13 +39,34 @@ def test_pairs_lie_across_a_horizontal_edge_and_into_the_margin():
     assert pairs.y.tolist() == [-0.5, -0.5]
 
 
-def test_neighbours_of_an_edge_are_not_alone():
-    labels = np.array([[1, 2, 3, 3]] * 4, np.uint32)
-    pairs = dense_pairs(labels)
-    # Those across one edge together
-    assert pairs.pixel.T.tolist() == [[-1, 0], [-1, 2], [0, 1], [2, 3]]
-    # What is beyond a sample of the margin does not matter
-    assert pairs.alone.T[pairs.pixel.T >= 0].tolist() == [False, False] + [False, True] * 2
+def edges_of(pairs, singular, weight) -> Crossings:
+    """An edge midway in each of the pairs."""
+    n = len(pairs)
+    none = np.zeros((3, n))
+    return Crossings(np.arange(n), pairs.length / 2, none, none[:2], np.full(n, weight), np.ones(n, bool), singular)
+
+
+@pytest.mark.parametrize("both", [True, False])
+def test_a_sample_between_two_edges_is_taken_whole(both):
+    """Half by each where both are singular, else by the one that is, as it may be close to that."""
+    pairs = dense_pairs(np.array([[1, 2, 3, 3]] * 4, np.uint32))
+    pixels = [[-1, 0], [-1, 2], [0, 1], [2, 3]]
+    assert pairs.pixel.T.tolist() == pixels
+    singular = np.array([both, both, True, True])
+    fields, pair, taken = stretches(edges_of(pairs, singular, 1.0), pairs, pairs.ends(np.flatnonzero(singular)))
+    assert pairs.pixel.T[pair].tolist() == (pixels if both else pixels[2:])
+    assert taken.T.tolist() == ([[0, 0.5]] * 2 + [[0.5, 1]] * 2 if both else [[1, 1]] * 2)
+    assert fields["start"].tolist() == ([-0.5] * 2 + [0] * 2 if both else [-0.5] * 2)
+    assert fields["stop"].tolist() == ([1] * 2 + [1.5] * 2 if both else [1.5] * 2)
+
+
+@pytest.mark.parametrize(("weight", "taken"), [(0.2, 0), (0.3, 0), (0.5, 0.5), (0.7, 1), (0.8, 1)])
+def test_pairs_across_an_edge_take_what_pairs_along_it_leave(weight, taken):
+    pairs = dense_pairs(STEP)
+    every = np.ones(len(pairs), bool)
+    fields, _, parts = stretches(edges_of(pairs, every, weight), pairs, pairs.ends(np.arange(len(pairs))))
+    np.testing.assert_allclose(parts, taken, atol=1e-12)
+    np.testing.assert_allclose(fields["weight_a"], taken, atol=1e-12)
 
 
 def test_labels_of_two_halves_differ_in_both():

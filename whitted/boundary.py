@@ -96,6 +96,7 @@ class _Search:
         self.samples = band_samples(grid, colors.numpy().reshape(-1, 4), band.side, band.first_row)
         self.taken = np.zeros(0)
         self.moves: dict[int, list[Moves]] = {}  # by the round of the search
+        self.crossed: list[tuple[Pairs, Crossings, dict[str, np.ndarray]]] = []  # what derivatives need of each chunk
         self.result = Correction(band)
 
     def run(self) -> tuple[Array, Correction]:
@@ -129,6 +130,7 @@ class _Search:
         self.move()
 
         if self.keep:
+            self.keep_edges()
             self.keep_samples(busy, fine)
         return self.flat, self.result
 
@@ -186,7 +188,8 @@ class _Search:
                 groups.append(Crossings(pair, along, jump, rows(crossing.change, lane), *kept))
                 edges.append(numbers_of(crossing.edge, lane))
         if any(groups):
-            self.keep_edges(pairs, joined(groups), {name: np.concatenate([edge[name] for edge in edges]) for name in edges[0]})
+            edge = {name: np.concatenate([edge[name] for edge in edges]) for name in edges[0]}
+            self.crossed.append((pairs, joined(groups), edge))
 
     def move(self) -> None:
         """Correct the pixels, in an order that does not depend on the chunks: sums are the same to the last bit."""
@@ -194,17 +197,19 @@ class _Search:
             ordered = take(moves, np.argsort(moves.pair, kind="stable"))
             deposit(self.image, ordered.pixel, *(ordered.moved * channel for channel in ordered.jump))
 
-    def keep_edges(self, pairs: Pairs, found: Crossings, edge: dict[str, np.ndarray]) -> None:
+    def keep_edges(self) -> None:
         """What edges do to the derivatives."""
-        numbers, pair, taken = stretches(found, pairs)
-        if len(pair):
-            here = take(pairs, pair)
-            self.result.stretches.append(Stretches(numbers, here.pixel))
-            deposit(self.taken, here.sample, taken)
-        here = take(pairs, found.pair)
-        x = here.x + np.where(here.vertical, 0, found.along)
-        y = here.y + np.where(here.vertical, found.along, 0)
-        self.result.edges.append(Moving(x, y, here.pixel, found.change * (here.pixel >= 0), found.jump, edge))
+        singular = [pairs.ends(found.pair[found.singular]) for pairs, found, _ in self.crossed]
+        for pairs, found, edge in self.crossed:
+            numbers, pair, taken = stretches(found, pairs, np.concatenate(singular, 1))
+            if len(pair):
+                here = take(pairs, pair)
+                self.result.stretches.append(Stretches(numbers, here.pixel))
+                deposit(self.taken, here.sample, taken)
+            here = take(pairs, found.pair)
+            x = here.x + np.where(here.vertical, 0, found.along)
+            y = here.y + np.where(here.vertical, found.along, 0)
+            self.result.edges.append(Moving(x, y, here.pixel, found.change * (here.pixel >= 0), found.jump, edge))
 
 
 def _rounds(band: Band, pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray, Crossing]]:

@@ -19,7 +19,7 @@ from .trace import Limits, children, labelled_radiance
 
 # A level at one end of a segment, relative to the one at the other end, below which the edge is at that end
 ON_SAMPLE = 2.0**-12
-# The least share of an edge that is worth samples of its own beside it
+# Pairs that account for less of an edge have no samples of their own beside it, and those that account for the rest all
 SLIGHT = 0.3
 # Halvings of a segment before its event is told from what lies at its ends, and most steps to the level function's root
 HALVINGS = 1

@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from .crossing import SLIGHT
 from .decisions import differ
 
 Table = TypeVar("Table")
@@ -58,10 +59,13 @@ class Pairs:
     sample: np.ndarray  # (2, N): numbers of a and b
     label: np.ndarray  # (2, N)
     pixel: np.ndarray  # (2, N): the pixels that a and b belong to, -1 where those are not to be corrected
-    alone: np.ndarray  # (2, N) bool: no edge is on the other side of a, of b
 
     def __len__(self) -> int:
         return len(self.x)
+
+    def ends(self, which: np.ndarray) -> np.ndarray:
+        """(2, N): one number for the sample a of some pairs and their direction, and one for b's."""
+        return self.sample.take(which, 1) * 2 + self.vertical.take(which)
 
 
 def band_samples(labels: np.ndarray, colors: np.ndarray, side: int, first_row: int) -> Samples:
@@ -181,11 +185,9 @@ def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray, l
     order = kept[np.argsort((labels.take(a[kept]) + labels.take(b[kept])).astype(np.uint16), kind="stable")]
     a, b, pixel = a.take(order), b.take(order), ends.take(order, 1)
     sample, step = samples.counted(np.stack([a, b])), b - a
-    label = labels.take(sample)
-    beyond = labels.take(np.stack([sample[0] - step, sample[1] + step]), mode="clip")
     x, y = samples.x.take(a), samples.y.take(a) + samples.top
     length = np.full(len(a), 1 / samples.side)
-    return Pairs(x, y, step > 1, length, sample + samples.first, label, pixel, ~differ(beyond, label))
+    return Pairs(x, y, step > 1, length, sample + samples.first, labels.take(sample), pixel)
 
 
 @dataclass(frozen=True)
@@ -214,10 +216,13 @@ class Crossings:
         return len(self.pair)
 
 
-def stretches(crossings: Crossings, pairs: Pairs) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
+def stretches(crossings: Crossings, pairs: Pairs, ends: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
     """The lines to sample anew, which are those of pairs with a singular edge.
 
     A stretch goes halfway to the next crossing, or to the end of a sample's cell.
+
+    Args:
+        ends: those of all pairs with a singular edge (`Pairs.ends`).
 
     Returns:
         The fields of `quadrature.Stretch`, each one's pair, and (2, N) what they take away from the samples a and b, as
@@ -232,13 +237,16 @@ def stretches(crossings: Crossings, pairs: Pairs) -> tuple[dict[str, np.ndarray]
     here = take(pairs, pair)
     h = here.length
     begins = np.diff(pair, prepend=-1) != 0
-    ends = np.roll(begins, -1)
-    # Where another edge is on the other side of a sample, its cell ends at the sample
-    before, behind = np.where(here.alone[0], h / 2, 0), np.where(here.alone[1], h / 2, 0)
-    # All crossings of a pair share one weight, so that its samples are taken away as a whole
+    last = np.roll(begins, -1)
+    # Where the pair on the other side of a sample has a singular edge as well, each takes half of the sample's cell
+    a, b = pairs.ends(pair)
+    before, behind = np.where(np.isin(a, ends[1]), 0, h / 2), np.where(np.isin(b, ends[0]), 0, h / 2)
+    # All crossings of a pair share one weight, so that its samples are taken away as a whole. Pairs along an edge take none
+    # and those across it all: a part of a sample that is close to the edge would spoil the sum
     first = np.flatnonzero(begins)
     count = np.diff(first, append=len(pair))
-    share = np.repeat(np.add.reduceat(found.weight, first) / count, count)
+    mean = np.add.reduceat(found.weight, first) / count
+    share = np.repeat(np.clip((mean - SLIGHT) / (1 - 2 * SLIGHT), 0, 1), count)
     fields = {
         "x": here.x,
         "y": here.y,
@@ -246,12 +254,12 @@ def stretches(crossings: Crossings, pairs: Pairs) -> tuple[dict[str, np.ndarray]
         "length": h,
         "edge": c,
         "start": np.where(begins, -before, (c + np.roll(c, 1)) / 2),
-        "stop": np.where(ends, h + behind, (c + np.roll(c, -1)) / 2),
+        "stop": np.where(last, h + behind, (c + np.roll(c, -1)) / 2),
         "rooted": found.rising,
         "weight_a": np.where(here.pixel[0] >= 0, share * h, 0),
         "weight_b": np.where(here.pixel[1] >= 0, share * h, 0),
     }
-    taken = np.stack([np.where(begins, 0.5 + before / h, 0), np.where(ends, 0.5 + behind / h, 0)])
+    taken = np.stack([np.where(begins, 0.5 + before / h, 0), np.where(last, 0.5 + behind / h, 0)])
     return fields, pair, taken * share * (here.pixel >= 0)
 
 
