@@ -49,6 +49,17 @@ def test_agrees_with_forward_mode_by_hand(load, precision, name, component, tang
     np.testing.assert_allclose(image.numpy(), expected, rtol=1e-5, atol=1e-5 * abs(expected).max())
 
 
+@pytest.mark.parametrize("weight", [0, 0.01])
+def test_a_small_weight_counts_up_to_the_silhouette(load, weight):
+    """The derivative by a reflection is what is seen in it: here a sky of 1, wherever the ball is."""
+    text = BALL.replace("background = [0, 0, 0]", "background = [1, 1, 1]")
+    ball = load(text).replace({"materials.red.reflection": weight})
+    image, samples = (gradient(ball, "materials.red.reflection", None, spp, boundary=spp == 16).numpy() for spp in (16, 1024))
+    # The part of a pixel on the ball, wrong by less than two samples of 16
+    assert abs(image - samples).max() < 1 / 8
+    assert abs(image.sum() / samples.sum() - 1) < 2e-3
+
+
 def test_terms_add_up(load):
     room = load(SCENES["all"])
     options = {"max_depth": 2, "resolution": (16, 12)}

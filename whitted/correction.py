@@ -16,6 +16,8 @@ from .events import Event
 from .geometry import Array
 from .quadrature import Stretch
 from .region import LANES, Band, aligned, chunks, lanes, number, rows
+from .scene import Shape
+from .trace import Limits
 
 # Names of the fields of an edge's path and event
 PARTS = tuple(tuple(part.name for part in fields(kind)) for kind in (Path, Event))
@@ -80,7 +82,7 @@ class Correction:
                 deposit(image, fine.pixel, *(rows(slope, slice(len(fine.x))) * fine.weight))
             for stretches in self.stretches:
                 stretch = Stretch(*band.lanes(*stretches.numbers.values()))
-                both = probe.stretches_jvp(*band.beside, wrt, tangents, stretch)
+                both = probe.stretches_jvp(*_beside(band, wrt), wrt, tangents, stretch)
                 for pixel, slope in zip(stretches.pixel, both, strict=True):
                     deposit(image, pixel, *rows(slope, slice(len(pixel))))
         else:
@@ -106,7 +108,7 @@ class Correction:
             for stretches in self.stretches:
                 stretch = Stretch(*band.lanes(*stretches.numbers.values()))
                 pixels = band.lanes(*_unsigned(stretches.pixel))
-                calls.append(partial(probe.stretches_vjp, *band.beside, wrt, image, stretch, *pixels))
+                calls.append(partial(probe.stretches_vjp, *_beside(band, wrt), wrt, image, stretch, *pixels))
         if terms != "interior":
             for edges in self.edges:
                 changed = ad.Array2u(*band.lanes(*_unsigned(edges.pixel)))
@@ -116,6 +118,11 @@ class Correction:
                 calls.append(partial(probe.levels_vjp, *band.inputs, wrt, image, *moving))
         parts = [call() for call in calls]
         return {name: sum((part[name] for part in parts), start=dr.zeros(type(value))) for name, value in wrt.items()}
+
+
+def _beside(band: Band, wrt: dict) -> tuple[Shape, dict[str, Array], Array, Limits]:
+    """The inputs of samples beside edges; derivatives by a weight need rays that have little of it, or none."""
+    return band.inputs if any(name.endswith((".reflection", ".refraction")) for name in wrt) else band.beside
 
 
 def _unsigned(pixel: np.ndarray) -> np.ndarray:
