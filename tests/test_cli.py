@@ -15,6 +15,7 @@ import pytest
 from PIL import Image
 
 import whitted as wt
+from whitted import cli
 from whitted.cli import run
 
 SCENES = Path(__file__).parent.parent / "scenes"
@@ -226,6 +227,21 @@ def test_interrupt_leaves_nothing(tmp_path):
     assert process.returncode == 130
     assert b"Traceback" not in output + error
     assert list(tmp_path.iterdir()) == []
+
+
+def test_interrupt_that_becomes_another_error(monkeypatch, capsys):
+    """As where Dr.Jit, which called Python, reports the exception of Ctrl-C as its own."""
+
+    def fail(*_, **__):
+        try:
+            cli._interrupt(signal.SIGINT, None)
+        except KeyboardInterrupt as error:
+            raise RuntimeError("wrapped") from error
+
+    monkeypatch.setattr(cli, "app", fail)
+    monkeypatch.setattr(cli, "_interrupts", [])
+    assert cli.run([]) == 130
+    assert capsys.readouterr().err == ""
 
 
 def test_without_llvm(tmp_path):

@@ -345,13 +345,24 @@ def run(arguments: list[str]) -> int:
         message = str(error)
     except KeyError as error:
         message = error.args[0]
+    if _interrupts:
+        return 130
     print(message, file=sys.stderr)
     return 2
 
 
+# Signals received: Dr.Jit may turn the exception of Ctrl-C into one of its own
+_interrupts: list[int] = []
+
+
+def _interrupt(number: int, _: object) -> None:
+    _interrupts.append(number)
+    raise KeyboardInterrupt
+
+
 def main() -> None:
-    if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    if signal.getsignal(signal.SIGINT) in (signal.SIG_DFL, signal.default_int_handler):
+        signal.signal(signal.SIGINT, _interrupt)
     sys.exit(run(sys.argv[1:]))
 
 
