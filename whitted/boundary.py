@@ -199,9 +199,11 @@ class _Search:
 
     def keep_edges(self) -> None:
         """What edges do to the derivatives."""
-        singular = [pairs.ends(found.pair[found.singular]) for pairs, found, _ in self.crossed]
+        if not self.crossed:
+            return
+        ends = np.concatenate([pairs.ends(found.pair[found.singular]) for pairs, found, _ in self.crossed], 1)
         for pairs, found, edge in self.crossed:
-            numbers, pair, taken = stretches(found, pairs, np.concatenate(singular, 1))
+            numbers, pair, taken = stretches(found, pairs, ends)
             if len(pair):
                 here = take(pairs, pair)
                 self.result.stretches.append(Stretches(numbers, here.pixel))
