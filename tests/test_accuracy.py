@@ -51,12 +51,20 @@ def test_errors_are_told_from_plain_samples_where_edges_take_long(balls, monkeyp
     assert tried == [1024, 1, 16]
 
 
-def test_costs_of_larger_images_are_told_from_small_ones(balls):
-    """Both of 128 x 128 pixels; sixteen times as many take sixteen times as long, or less where edges count."""
+def test_costs_of_larger_images_are_told_from_small_ones(balls, monkeypatch):
+    """Both of 128 x 128 pixels; sixteen times as many take sixteen times as long, four times where edges count."""
+    # Milliseconds: one for a plain sample a pixel, a fifth more and three for its edges
+    monkeypatch.setattr(
+        "whitted.accuracy._seconds",
+        lambda call: call.args[1] * (4.2e-3 if call.keywords["boundary"] else 1e-3) * (call.keywords["resolution"] == (128, 128)),
+    )
     small, large = (settings(balls, None, (side, side)) for side in (128, 512))
     assert {(one.spp, one.boundary) for one in small} == {(one.spp, one.boundary) for one in large}
     assert len(small) == 10
-    assert all(0 < one.cost < other.cost for one, other in zip(small, large, strict=True))
+    for one, other in zip(small, large, strict=True):
+        ms = one.spp * 1e-3
+        assert one.cost == pytest.approx(4.2 * ms if one.boundary else ms)
+        assert other.cost == pytest.approx((16 * 1.2 + 4 * 3) * ms if one.boundary else 16 * ms)
 
 
 def test_gradients_pass(balls):
