@@ -5,15 +5,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from whitted.edges import Crossings, Pairs, band_samples, crowded, deposit, fine_samples, flips, label_counts, pairs_of, stretches
+from whitted.edges import (
+    Crossings,
+    Pairs,
+    band_samples,
+    beside,
+    crowded,
+    deposit,
+    fine_samples,
+    flips,
+    label_counts,
+    pairs_of,
+    stretches,
+    walk_order,
+)
+from whitted.quadrature import Stretch, nodes
 
 # 2 x 2 pixels with a margin of one; the label changes between the second column and the third
 STEP = np.array([[1, 1, 2, 2]] * 4, np.uint32)
 
 
 def bright(labels):
-    """A color for each label, all of them different."""
-    return np.outer(labels.ravel(), [1, 2, 4]).astype(np.float32)
+    """A color for each label, all of them different, and one node."""
+    return np.outer(labels.ravel(), [1, 2, 4, 0]).astype(np.float32) + np.float32([0, 0, 0, 1])
 
 
 def dense_pairs(labels, side=1, first_row=0) -> Pairs:
@@ -53,20 +67,20 @@ def test_a_sample_between_two_edges_is_taken_whole(both):
     pixels = [[-1, 0], [-1, 2], [0, 1], [2, 3]]
     assert pairs.pixel.T.tolist() == pixels
     singular = np.array([both, both, True, True])
-    fields, pair, taken = stretches(edges_of(pairs, singular, 1.0), pairs, pairs.ends(np.flatnonzero(singular)))
+    lines, pair, taken = stretches(edges_of(pairs, singular, 1.0), pairs, pairs.ends(np.flatnonzero(singular)))
     assert pairs.pixel.T[pair].tolist() == (pixels if both else pixels[2:])
     assert taken.T.tolist() == ([[0, 0.5]] * 2 + [[0.5, 1]] * 2 if both else [[1, 1]] * 2)
-    assert fields["start"].tolist() == ([-0.5] * 2 + [0] * 2 if both else [-0.5] * 2)
-    assert fields["stop"].tolist() == ([1] * 2 + [1.5] * 2 if both else [1.5] * 2)
+    assert lines.start.tolist() == ([-0.5] * 2 + [0] * 2 if both else [-0.5] * 2)
+    assert lines.stop.tolist() == ([1] * 2 + [1.5] * 2 if both else [1.5] * 2)
 
 
 @pytest.mark.parametrize(("weight", "taken"), [(0.2, 0), (0.3, 0), (0.5, 0.5), (0.7, 1), (0.8, 1)])
 def test_pairs_across_an_edge_take_what_pairs_along_it_leave(weight, taken):
     pairs = dense_pairs(STEP)
     every = np.ones(len(pairs), bool)
-    fields, _, parts = stretches(edges_of(pairs, every, weight), pairs, pairs.ends(np.arange(len(pairs))))
+    lines, _, parts = stretches(edges_of(pairs, every, weight), pairs, pairs.ends(np.arange(len(pairs))))
     np.testing.assert_allclose(parts, taken, atol=1e-12)
-    np.testing.assert_allclose(fields["weight_a"], taken, atol=1e-12)
+    np.testing.assert_allclose(lines.weight, taken, atol=1e-12)
 
 
 def test_labels_of_two_halves_differ_in_both():
@@ -91,20 +105,20 @@ def test_several_samples_a_pixel():
 
 @pytest.mark.parametrize(("least", "left"), [(0.4, 2), (0.6, 0)])
 def test_pairs_without_contrast_are_left_out(least, left):
-    colors = np.where(STEP.ravel()[:, None] == 2, [0.5, 1, 1], [0.5, 0.5, 1]).astype(np.float32)
+    colors = np.where(STEP.ravel()[:, None] == 2, [0.5, 1, 1, 1], [0.5, 0.5, 1, 9]).astype(np.float32)
     samples = band_samples(STEP, colors, 1, 0)
     assert len(pairs_of(samples, *flips(samples), least)) == left
 
 
 def test_labels_are_counted_among_the_nearest():
     labels = np.array([[9, 1, 1, 9], [1, 1, 2, 2], [3, 3, 2, 2], [9, 3, 2, 9]], np.uint32)
-    colors = np.ones((16, 3), np.float32)
+    colors = np.ones((16, 4), np.float32)
     colors[::2] = 0.2
     samples = band_samples(labels, colors, 1, 0)
     # Pixel 0 sees 1, 2, 3; pixel 1 sees 1, 2; pixel 2 sees 1, 2, 3; pixel 3 only 2 and 3; corners do not count
     assert label_counts(samples, np.arange(4), 0.1).tolist() == [3, 2, 3, 2]
     # Without contrast edges that meet are not worth more samples
-    samples = replace(samples, colors=np.ones((16, 3), np.float32))
+    samples = replace(samples, colors=np.ones((16, 4), np.float32))
     assert label_counts(samples, np.arange(4), 0.1).tolist() == [1, 2, 1, 2]
 
 
@@ -157,3 +171,50 @@ def test_values_of_one_pixel_add_up_and_those_of_none_are_dropped():
     image = np.zeros(6)
     deposit(image, np.array([[2, -1], [2, 0]]), np.array([[1.0, 2], [3, 4]]), np.array([[10.0, 20], [30, 40]]))
     np.testing.assert_array_equal(image, [4, 40, 0, 0, 4, 40])
+
+
+def test_walks_through_large_trees_come_first_and_equal_ones_together():
+    nodes, labels = np.float32([1, 7, 7, 7, 40]), np.uint32([5, 9, 0xFFFF0003, 9, 1])
+    order = walk_order(nodes, labels)
+    assert np.argsort(order, kind="stable").tolist() == [4, 2, 1, 3, 0]
+    # Two of them fit into sixteen bits
+    assert 2 * int(order.max()) < 1 << 16
+
+
+def stretch(edge, rooted, length=0.5) -> Stretch:
+    """From the far end of the cell of a sample at (3, 2) to that of the one below it."""
+    numbers = (3.0, 2.0, True, length, edge, -length / 2, 1.5 * length, rooted, 2.0)
+    return Stretch(*(np.array([number]) for number in numbers))
+
+
+@pytest.mark.parametrize("rooted", [True, False])
+@pytest.mark.parametrize("edge", [0.05, 0.25, 0.4])
+def test_samples_beside_an_edge_stand_for_both_cells(edge, rooted):
+    """Each pixel's weights add up to its length, and all samples are on the line, on the side that they stand for."""
+    x, y, weight, in_b, behind = nodes(stretch(edge, rooted))
+    np.testing.assert_allclose([weight[~in_b].sum(), weight[in_b].sum()], 2 * 0.5)
+    assert np.all(x == 3)
+    assert np.array_equal(y > 2 + edge, behind)
+    assert weight[behind].sum() == pytest.approx(2 * (0.75 - edge))
+
+
+@pytest.mark.parametrize("rooted", [True, False])
+def test_samples_beside_an_edge_integrate_the_square_root(rooted):
+    """a + b sqrt(distance) + c distance on the one side, a line on the other, the edge midway (Gauss's rule is exact)."""
+    _, y, weight, _, behind = nodes(stretch(0.25, rooted))
+    distance = abs(y - 2.25)
+    seen = np.where(behind == rooted, 1 + 3 * np.sqrt(distance) + 5 * distance, 7 - 2 * distance)
+    # Integrals from 0 to 1 / 2
+    exact = 2 * (0.5 + 3 * 2 / 3 * 0.5**1.5 + 5 / 2 * 0.25 + 7 * 0.5 - 0.25)
+    assert (seen * weight).sum() == pytest.approx(exact, rel=1e-12)
+
+
+def test_samples_beside_an_edge_count_for_the_pixel_that_they_are_in():
+    line = stretch(0.05, True)
+    order = np.array([[10], [20]], np.uint16)
+    samples = beside(line, np.array([[4], [-1]]), order)
+    # The smooth side of a, and between the edge and the border, which is behind the edge
+    assert samples.pixel.tolist() == [4, 4]
+    assert samples.order.tolist() == [20, 10]
+    assert samples.weight.sum() == pytest.approx(1)
+    assert samples.beside.all()

@@ -49,14 +49,16 @@ import drjit as dr
 import numpy as np
 
 from . import probe, wavefront
-from .correction import Correction, Finer, Moving, Stretches, numbers_of
+from .correction import Correction, Moving, numbers_of
 from .crossing import Crossing, Segment
 from .edges import (
     Crossings,
+    Extra,
     Moves,
     Pairs,
     Samples,
     band_samples,
+    beside,
     crowded,
     deposit,
     fine_samples,
@@ -66,6 +68,7 @@ from .edges import (
     pairs_of,
     stretches,
     take,
+    walk_order,
 )
 from .geometry import Array
 from .region import LANES, SAMPLES, Band, chunks, number, rows
@@ -151,12 +154,12 @@ class _Search:
         result, number, done = [], self.samples.labels.size, 0
         for group, places in fine:
             shape, part = group.labels.shape, slice(done, done + len(places))
-            label, color = np.zeros(group.labels.size, labels.dtype), np.zeros((group.labels.size, 3), colors.dtype)
+            label, color = np.zeros(group.labels.size, labels.dtype), np.zeros((group.labels.size, 4), colors.dtype)
             label[places], color[places] = labels[part], colors[part]
             every = group.counted(np.arange(label.size))
             label, color = label.take(every), color.take(every, 0)
             result.append(replace(group, labels=label.reshape(shape), colors=color, first=number))
-            mean = color.reshape(*shape, 3)[:, 1:-1, 1:-1].mean((1, 2))
+            mean = color.reshape(*shape, 4)[:, 1:-1, 1:-1, :3].mean((1, 2))
             self.image.reshape(-1, 3)[group.pixel.reshape(shape)[:, 1, 1]] = mean
             number, done = number + group.labels.size, done + len(places)
         return result
@@ -172,9 +175,11 @@ class _Search:
         regular.reshape(band.rows, side, columns, side)[busy // columns, :, busy % columns] = 0
         self.result.weights = weights
         for group in fine:
-            inside = np.flatnonzero(group.pixel >= 0)
-            weight = (1 - self.taken[group.first + inside]) / group.side**2
-            self.result.finer.append(Finer(group.x[inside], group.y[inside], group.pixel[inside], weight))
+            weight = (1 - self.taken[group.first : group.first + group.pixel.size]) / group.side**2
+            inside = np.flatnonzero((group.pixel >= 0) & (weight != 0))
+            order = walk_order(group.colors[:, 3], group.labels.ravel())
+            whole = Extra(group.x, group.y, group.pixel, weight, np.zeros(len(weight), bool), order)
+            self.result.extra.append(take(whole, inside))
 
     def cross(self, pairs: Pairs, first: int) -> None:
         """Find the edges between pairs of samples, and what they move from pixel to pixel."""
@@ -203,11 +208,9 @@ class _Search:
             return
         ends = np.concatenate([pairs.ends(found.pair[found.singular]) for pairs, found, _ in self.crossed], 1)
         for pairs, found, edge in self.crossed:
-            numbers, pair, taken = stretches(found, pairs, ends)
-            if len(pair):
-                here = take(pairs, pair)
-                self.result.stretches.append(Stretches(numbers, here.pixel))
-                deposit(self.taken, here.sample, taken)
+            lines, pair, taken = stretches(found, pairs, ends)
+            self.result.extra.append(beside(lines, pairs.pixel.take(pair, 1), pairs.order.take(pair, 1)))
+            deposit(self.taken, pairs.sample.take(pair, 1), taken)
             here = take(pairs, found.pair)
             x = here.x + np.where(here.vertical, 0, found.along)
             y = here.y + np.where(here.vertical, found.along, 0)

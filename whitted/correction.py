@@ -11,35 +11,14 @@ from drjit.llvm import ad
 from . import probe, wavefront
 from .chain import Path
 from .derivative import Edge
-from .edges import deposit, joined, take
+from .edges import Extra, deposit, joined, take
 from .events import Event
 from .geometry import Array
-from .quadrature import Stretch
 from .region import LANES, Band, aligned, chunks, lanes, number, rows
-from .scene import Shape
-from .trace import Limits
 
 # Names of the fields of an edge's path and event
 PARTS = tuple(tuple(part.name for part in fields(kind)) for kind in (Path, Event))
 TERMS = ("both", "interior", "boundary")
-
-
-@dataclass(frozen=True)
-class Finer:
-    """Samples in pixels that were sampled anew."""
-
-    x: np.ndarray
-    y: np.ndarray
-    pixel: np.ndarray
-    weight: np.ndarray  # what the sample counts for in its pixel
-
-
-@dataclass(frozen=True)
-class Stretches:
-    """Samples beside singular edges, by the fields of `quadrature.Stretch`."""
-
-    numbers: dict[str, np.ndarray]
-    pixel: np.ndarray  # (2, N)
 
 
 @dataclass(frozen=True)
@@ -60,15 +39,20 @@ class Correction:
 
     band: Band
     weights: Array | None = None  # what the band's regular samples still count for, row by row of samples
-    finer: list[Finer] = field(default_factory=list)
-    stretches: list[Stretches] = field(default_factory=list)
+    extra: list[Extra] = field(default_factory=list)
     edges: list[Moving] = field(default_factory=list)
 
-    def fine(self) -> Iterator[Finer]:
-        """The finer samples, no more at once than a kernel takes."""
-        if self.finer:
-            whole = joined(self.finer)
-            yield from (take(whole, np.arange(part.start, part.stop)) for part in chunks(len(whole.x), LANES))
+    def extras(self, wrt: dict) -> Iterator[tuple[Extra, tuple]]:
+        """The extra samples, no more at once than a kernel takes, with the inputs that kernels take first."""
+        if not self.extra:
+            return
+        whole = joined(self.extra)
+        order = np.argsort(whole.order, kind="stable")
+        # Derivatives by a weight need rays that have little of it, or none
+        dim = not any(name.endswith((".reflection", ".refraction")) for name in wrt)
+        for part in chunks(len(order), LANES):
+            extra = take(whole, order[part])
+            yield extra, self.band.leaving_out_dim(extra.beside & dim)
 
     def tangent(self, wrt: dict, tangents: dict, terms: str) -> Array:
         """The pixels' derivative along the tangents of the parameters `wrt`."""
@@ -77,14 +61,9 @@ class Correction:
             inputs = band.shape, band.parameters, band.inner, band.limits, wrt, tangents
             pixels = wavefront.image_jvp(*inputs, self.weights)
             image = pixels.numpy()
-            for fine in self.fine():
-                slope = probe.samples_jvp(*band.inputs, wrt, tangents, *band.lanes(fine.x, fine.y))
-                deposit(image, fine.pixel, *(rows(slope, slice(len(fine.x))) * fine.weight))
-            for stretches in self.stretches:
-                stretch = Stretch(*band.lanes(*stretches.numbers.values()))
-                both = probe.stretches_jvp(*_beside(band, wrt), wrt, tangents, stretch)
-                for pixel, slope in zip(stretches.pixel, both, strict=True):
-                    deposit(image, pixel, *rows(slope, slice(len(pixel))))
+            for extra, inputs in self.extras(wrt):
+                slope = probe.samples_jvp(*inputs, wrt, tangents, *band.lanes(extra.x, extra.y))
+                deposit(image, extra.pixel, *(rows(slope, slice(len(extra.x))) * extra.weight))
         else:
             pixels = aligned(np.zeros(1, number(band.real)), band.rows * band.resolution[0] * 3)
             image = pixels.numpy()
@@ -102,13 +81,9 @@ class Correction:
         if terms != "boundary":
             inputs = band.shape, band.parameters, band.inner, band.limits, wrt, image
             calls.append(partial(wavefront.image_vjp, *inputs, self.weights))
-            for fine in self.fine():
-                sample = band.lanes(_unsigned(fine.pixel), fine.weight, fine.x, fine.y)
-                calls.append(partial(probe.samples_vjp, *band.inputs, wrt, image, *sample))
-            for stretches in self.stretches:
-                stretch = Stretch(*band.lanes(*stretches.numbers.values()))
-                pixels = band.lanes(*_unsigned(stretches.pixel))
-                calls.append(partial(probe.stretches_vjp, *_beside(band, wrt), wrt, image, stretch, *pixels))
+            for extra, inputs in self.extras(wrt):
+                sample = band.lanes(_unsigned(extra.pixel), extra.weight, extra.x, extra.y)
+                calls.append(partial(probe.samples_vjp, *inputs, wrt, image, *sample))
         if terms != "interior":
             for edges in self.edges:
                 changed = ad.Array2u(*band.lanes(*_unsigned(edges.pixel)))
@@ -118,11 +93,6 @@ class Correction:
                 calls.append(partial(probe.levels_vjp, *band.inputs, wrt, image, *moving))
         parts = [call() for call in calls]
         return {name: sum((part[name] for part in parts), start=dr.zeros(type(value))) for name, value in wrt.items()}
-
-
-def _beside(band: Band, wrt: dict) -> tuple[Shape, dict[str, Array], Array, Limits]:
-    """The inputs of samples beside edges; derivatives by a weight need rays that have little of it, or none."""
-    return band.inputs if any(name.endswith((".reflection", ".refraction")) for name in wrt) else band.beside
 
 
 def _unsigned(pixel: np.ndarray) -> np.ndarray:

@@ -119,7 +119,7 @@ def _both_sides(scene: Scene, ray_at: Callable[[Array], Ray], kind: type, limits
     """Radiance and labels, of a type, of two rays, numbers 0 and 1."""
 
     def look(k, colors, labels):
-        color, label = labelled_radiance(scene, ray_at(k), limits)
+        color, label, _ = labelled_radiance(scene, ray_at(k), limits)
         colors = dr.select(k == 0, color, colors[0]), dr.select(k == 0, colors[1], color)
         labels = dr.select(k == 0, label, labels[0]), dr.select(k == 0, labels[1], label)
         return k + 1, colors, labels

@@ -8,6 +8,7 @@ Where weights change with the angle (Fresnel), a node may come to weigh enough b
 Labels then have two halves, of nodes above one weight and above another: where an edge is, both differ.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -81,7 +82,7 @@ def mix(label: Array, decisions: Decisions) -> Array:
     return label
 
 
-def joined(halves: tuple[Array, ...]) -> Array:
+def joined(halves: Sequence[Array]) -> Array:
     """A label of one half, UInt32, or of two, UInt64."""
     if len(halves) == 1:
         return halves[0]

@@ -14,6 +14,7 @@ import numpy as np
 
 from .crossing import SLIGHT
 from .decisions import differ
+from .quadrature import Stretch, nodes
 
 Table = TypeVar("Table")
 
@@ -34,7 +35,7 @@ class Samples:
     """Samples on one or more grids of the same shape; what is not in that shape has one row for each sample."""
 
     labels: np.ndarray  # (grids, rows, columns)
-    colors: np.ndarray  # (samples, 3), or 4 with a zero
+    colors: np.ndarray  # (samples, 4): radiance and number of nodes
     x: np.ndarray  # image position
     y: np.ndarray
     pixel: np.ndarray  # that a sample counts for; -1 in the margin, where that belongs to a grid to the left or above -2
@@ -58,6 +59,7 @@ class Pairs:
     length: np.ndarray  # from a to b, in pixels
     sample: np.ndarray  # (2, N): numbers of a and b
     label: np.ndarray  # (2, N)
+    order: np.ndarray  # (2, N), of `walk_order`
     pixel: np.ndarray  # (2, N): the pixels that a and b belong to, -1 where those are not to be corrected
 
     def __len__(self) -> int:
@@ -116,7 +118,7 @@ def fine_samples(pixels: np.ndarray, side: int, columns: int, first_row: int) ->
         traced[place] = False
         if step < 0:
             pixel[place] = -2
-    labels, colors = np.empty(x.shape, np.uint32), np.empty((0, 3))
+    labels, colors = np.empty(x.shape, np.uint32), np.empty((0, 4))
     columns_of = x.ravel(), y.ravel(), pixel.ravel(), twin.ravel()
     return Samples(labels, colors, *columns_of, side, 0, 0), np.flatnonzero(traced)
 
@@ -180,14 +182,22 @@ def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray, l
     """The neighbours that differ by more than a part of the brighter one, those across the same edge together."""
     one, other = samples.colors.take(a, 0), samples.colors.take(b, 0)
     kept = np.flatnonzero(_largest(np.abs(one - other)) > least * _largest(np.maximum(one, other)))
-    labels = samples.labels.ravel()
-    # Sixteen bits of a hash, which NumPy sorts in linear time
-    order = kept[np.argsort((labels.take(a[kept]) + labels.take(b[kept])).astype(np.uint16), kind="stable")]
-    a, b, pixel = a.take(order), b.take(order), ends.take(order, 1)
+    a, b = a.take(kept), b.take(kept)
     sample, step = samples.counted(np.stack([a, b])), b - a
+    label = samples.labels.ravel().take(sample)
+    order = walk_order(samples.colors[:, 3].take(sample), label)
     x, y = samples.x.take(a), samples.y.take(a) + samples.top
     length = np.full(len(a), 1 / samples.side)
-    return Pairs(x, y, step > 1, length, sample + samples.first, labels.take(sample), pixel)
+    pairs = Pairs(x, y, step > 1, length, sample + samples.first, label, order, ends.take(kept, 1))
+    return take(pairs, np.argsort(order[0] + order[1], kind="stable"))
+
+
+def walk_order(nodes: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """Where walks through trees of rays come: large trees first, so that threads end together, and equal ones together.
+
+    Fifteen bits: NumPy sorts sixteen in linear time.
+    """
+    return (31 - np.minimum(nodes, 31)).astype(np.uint16) << 10 | (labels & 0x3FF).astype(np.uint16)
 
 
 @dataclass(frozen=True)
@@ -216,7 +226,7 @@ class Crossings:
         return len(self.pair)
 
 
-def stretches(crossings: Crossings, pairs: Pairs, ends: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
+def stretches(crossings: Crossings, pairs: Pairs, ends: np.ndarray) -> tuple[Stretch, np.ndarray, np.ndarray]:
     """The lines to sample anew, which are those of pairs with a singular edge.
 
     A stretch goes halfway to the next crossing, or to the end of a sample's cell.
@@ -225,8 +235,7 @@ def stretches(crossings: Crossings, pairs: Pairs, ends: np.ndarray) -> tuple[dic
         ends: those of all pairs with a singular edge (`Pairs.ends`).
 
     Returns:
-        The fields of `quadrature.Stretch`, each one's pair, and (2, N) what they take away from the samples a and b, as
-        parts of those.
+        The stretches, each one's pair, and (2, N) what they take away from the samples a and b, as parts of those.
     """
     singular = np.zeros(len(pairs), bool)
     singular[crossings.pair[crossings.singular]] = True
@@ -240,27 +249,41 @@ def stretches(crossings: Crossings, pairs: Pairs, ends: np.ndarray) -> tuple[dic
     last = np.roll(begins, -1)
     # Where the pair on the other side of a sample has a singular edge as well, each takes half of the sample's cell
     a, b = pairs.ends(pair)
-    before, behind = np.where(np.isin(a, ends[1]), 0, h / 2), np.where(np.isin(b, ends[0]), 0, h / 2)
+    before = np.where(np.isin(a, ends[1], kind="table"), 0, h / 2)
+    behind = np.where(np.isin(b, ends[0], kind="table"), 0, h / 2)
     # All crossings of a pair share one weight, so that its samples are taken away as a whole. Pairs along an edge take none
     # and those across it all: a part of a sample that is close to the edge would spoil the sum
     first = np.flatnonzero(begins)
     count = np.diff(first, append=len(pair))
     mean = np.add.reduceat(found.weight, first) / count
     share = np.repeat(np.clip((mean - SLIGHT) / (1 - 2 * SLIGHT), 0, 1), count)
-    fields = {
-        "x": here.x,
-        "y": here.y,
-        "vertical": here.vertical,
-        "length": h,
-        "edge": c,
-        "start": np.where(begins, -before, (c + np.roll(c, 1)) / 2),
-        "stop": np.where(last, h + behind, (c + np.roll(c, -1)) / 2),
-        "rooted": found.rising,
-        "weight_a": np.where(here.pixel[0] >= 0, share * h, 0),
-        "weight_b": np.where(here.pixel[1] >= 0, share * h, 0),
-    }
+    start = np.where(begins, -before, (c + np.roll(c, 1)) / 2)
+    stop = np.where(last, h + behind, (c + np.roll(c, -1)) / 2)
     taken = np.stack([np.where(begins, 0.5 + before / h, 0), np.where(last, 0.5 + behind / h, 0)])
-    return fields, pair, taken * share * (here.pixel >= 0)
+    found_here = Stretch(here.x, here.y, here.vertical, h, c, start, stop, found.rising, share * h)
+    return found_here, pair, taken * share * (here.pixel >= 0)
+
+
+@dataclass(frozen=True)
+class Extra:
+    """Samples in pixels that are sampled anew, and beside singular edges."""
+
+    x: np.ndarray
+    y: np.ndarray
+    pixel: np.ndarray
+    weight: np.ndarray  # what the sample counts for in its pixel
+    beside: np.ndarray  # bool
+    order: np.ndarray  # of `walk_order`
+
+
+def beside(stretch: Stretch, pixel: np.ndarray, order: np.ndarray) -> Extra:
+    """The samples of stretches, from (2, N) those of a and b."""
+    x, y, weight, in_b, behind = nodes(stretch)
+    pixel, order = np.where(in_b, *pixel[::-1]), np.where(behind, *order[::-1])
+    kept = np.flatnonzero((weight > 0) & (pixel >= 0))
+    columns = (column.ravel().take(kept) for column in (x, y, pixel, weight, order))
+    x, y, pixel, weight, order = columns
+    return Extra(x, y, pixel, weight, np.ones(len(x), bool), order)
 
 
 def deposit(image: np.ndarray, pixel: np.ndarray, *channels: np.ndarray) -> None:

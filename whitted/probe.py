@@ -6,16 +6,14 @@ Each has one lane for each of its inputs, whose number may differ from call to c
 from collections.abc import Callable
 
 import drjit as dr
-from drjit.llvm import ad
 
 from .camera import View, image_ray
 from .crossing import Crossing, Segment, cross
 from .derivative import Edge, level_jvp, level_vjp, pull_back, push_forward, radiance_jvp, radiance_vjp
 from .geometry import Array, Ray
-from .quadrature import NODES, Stretch, node
 from .scene import Scene, Shape
 from .trace import Limits, labelled_radiance
-from .wavefront import of_scene, prepare, total
+from .wavefront import of_scene, prepare, total, with_fourth
 
 # The pixel of what is outside of the band
 NOWHERE = 0xFFFFFFFF
@@ -23,10 +21,10 @@ NOWHERE = 0xFFFFFFFF
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
 def samples(shape: Shape, parameters: dict, size: Array, limits: Limits, x: Array, y: Array) -> tuple[Array, Array]:
-    """Radiance at image positions, and the samples' labels."""
+    """Radiance and nodes of samples at image positions, and their labels."""
     scene, camera = prepare(shape.filled(parameters), size)
-    color, label = labelled_radiance(scene, image_ray(camera, size, x, y), limits)
-    return _in_lanes(x, color), _in_lanes(x, label)
+    color, label, nodes = labelled_radiance(scene, image_ray(camera, size, x, y), limits)
+    return _in_lanes(x, with_fourth(color, nodes)), _in_lanes(x, label)
 
 
 def _in_lanes(x: Array, value: Array) -> Array:
@@ -49,16 +47,6 @@ def crossings(shape: Shape, parameters: dict, size: Array, limits: Limits, segme
 RayAt = Callable[[Array, Array], tuple[Ray, Array, Array]]
 
 
-def _each_node(stretch: Stretch, state: tuple, visit: Callable) -> tuple:
-    """Visit all nodes of stretches in turn: visit(x, y, weight_a, weight_b, *state) -> state."""
-
-    def step(k, *state):
-        return k + 1, *visit(*node(stretch, k), *state)
-
-    first = dr.zeros(ad.Int, dr.width(stretch.x))
-    return dr.while_loop((first, *state), lambda k, *_: k < NODES, step, mode="symbolic", label="nodes")[1:]
-
-
 @dr.freeze(state_fn=None, warn_after=1 << 30)
 def samples_jvp(
     shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, tangents: dict, x: Array, y: Array
@@ -66,22 +54,6 @@ def samples_jvp(
     """The derivative of radiance at image positions along the tangents of the parameters `wrt`."""
     scene, slopes, ray_at = _moving(shape, parameters, size, wrt, tangents)
     return _in_lanes(x, radiance_jvp(scene, slopes, *ray_at(x, y), limits))
-
-
-@dr.freeze(state_fn=None, warn_after=1 << 30)
-def stretches_jvp(
-    shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, tangents: dict, stretch: Stretch
-) -> tuple[Array, Array]:
-    """The derivative of what stretches add to the pixels of a and of b, along the tangents of the parameters `wrt`."""
-    scene, slopes, ray_at = _moving(shape, parameters, size, wrt, tangents)
-
-    def visit(x, y, weight_a, weight_b, a, b):
-        slope = radiance_jvp(scene, slopes, *ray_at(x, y), limits)
-        return dr.fma(slope, weight_a, a), dr.fma(slope, weight_b, b)
-
-    dark = dr.zeros(type(scene.background), dr.width(stretch.x))
-    a, b = _each_node(stretch, (dark, dark + 0), visit)
-    return _in_lanes(stretch.x, a), _in_lanes(stretch.x, b)
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
@@ -134,34 +106,7 @@ def samples_vjp(
     def walk(scene, sums, wide, ray):
         return radiance_vjp(scene, sums, wide, ray, seed, limits)
 
-    return reverse.gradients(reverse.visit(x, y, reverse.sums, walk))
-
-
-@dr.freeze(state_fn=None, warn_after=1 << 30)
-def stretches_vjp(
-    shape: Shape,
-    parameters: dict,
-    size: Array,
-    limits: Limits,
-    wrt: dict,
-    adjoint: Array,
-    stretch: Stretch,
-    pixel_a: Array,
-    pixel_b: Array,
-) -> dict:
-    """The derivatives by the parameters `wrt` of dot(adjoint, pixels), to which stretches add."""
-    reverse = _Reverse(shape, parameters, size, wrt, dr.width(stretch.x))
-    seed_a, seed_b = (_gathered(shape, adjoint, pixel) for pixel in (pixel_a, pixel_b))
-
-    def visit(x, y, weight_a, weight_b, sums):
-        seed = dr.fma(seed_a, weight_a, seed_b * weight_b)
-
-        def walk(scene, sums, wide, ray):
-            return radiance_vjp(scene, sums, wide, ray, seed, limits)
-
-        return (reverse.visit(x, y, sums, walk),)
-
-    return reverse.gradients(*_each_node(stretch, (reverse.sums,), visit))
+    return reverse.gradients(x, y, walk)
 
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
@@ -191,7 +136,7 @@ def levels_vjp(
     def walk(scene, sums, wide, ray):
         return level_vjp(scene, sums, wide, ray, seed, limits, edge)
 
-    return reverse.gradients(reverse.visit(x, y, reverse.sums, walk))
+    return reverse.gradients(x, y, walk)
 
 
 def _gathered(shape: Shape, adjoint: Array, pixel: Array) -> Array:
@@ -211,19 +156,17 @@ class _Reverse:
         # Arrays as wide as the wavefront keep the derivatives of each lane apart
         self.wide = {name: value + dr.zeros(type(value), lanes) for name, value in dr.detach(self.inputs).items()}
         self.basis = {name: self.wide.pop(name) for name in vars(camera) if name in self.wide}
-        self.sums = {name: dr.zeros(type(value), lanes) for name, value in self.inputs.items()}
 
-    def visit(self, x: Array, y: Array, sums: dict, walk: Callable) -> dict:
-        """The sums with the derivatives at an image position added: walk(scene, sums, wide, ray) -> sums, by o, by d."""
+    def gradients(self, x: Array, y: Array, walk: Callable) -> dict:
+        """Those at image positions: walk(scene, sums, wide, ray) -> sums, derivatives by the ray's o, and by its d."""
         moving = dr.detach(self.basis)
         dr.enable_grad(moving)
         ray = image_ray(View(**moving) if moving else self.camera, self.size, x, y)
-        own, o, d = walk(self.scene, {name: sums[name] for name in self.wide}, self.wide, dr.detach(ray))
+        nothing = {name: dr.zeros(type(value), dr.width(x)) for name, value in self.wide.items()}
+        sums, o, d = walk(self.scene, nothing, self.wide, dr.detach(ray))
         if moving:
             pull_back(dr.dot(ray.o, o) + dr.dot(ray.d, d), dr.ones(type(x)))
-        return sums | own | {name: sums[name] + dr.grad(value) for name, value in moving.items()}
-
-    def gradients(self, sums: dict) -> dict:
+            sums = sums | {name: dr.grad(value) for name, value in moving.items()}
         dr.eval(sums)
         for name, value in self.inputs.items():
             dr.set_grad(value, total(sums[name]))

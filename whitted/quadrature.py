@@ -9,54 +9,52 @@ part between it and the edge has a sample of its own.
 
 from dataclasses import dataclass
 
-import drjit as dr
-
-from .geometry import Array
+import numpy as np
 
 NODES = 4
 
 
-@dataclass
+@dataclass(frozen=True)
 class Stretch:
-    """The line through two neighbours a and b, or the part of it that is nearest to one of its edges.
+    """The line through two neighbours a and b, or the part of it that is nearest to one of its edges; columns of a table.
 
     Distances are from a, in pixels, along the line.
     """
 
-    x: Array  # image position of a
-    y: Array
-    vertical: Array  # Bool: b is below a, not to the right
-    length: Array  # from a to b
-    edge: Array
-    start: Array
-    stop: Array
-    rooted: Array  # Bool: the square root is behind the edge, not before it
-    weight_a: Array  # in the pixel of a, for a unit of length
-    weight_b: Array
+    x: np.ndarray  # image position of a
+    y: np.ndarray
+    vertical: np.ndarray  # bool: b is below a, not to the right
+    length: np.ndarray  # from a to b
+    edge: np.ndarray
+    start: np.ndarray
+    stop: np.ndarray
+    rooted: np.ndarray  # bool: the square root is behind the edge, not before it
+    weight: np.ndarray  # in the pixel of a or that of b, for a unit of length
 
 
-def node(stretch: Stretch, k: Array) -> tuple[Array, Array, Array, Array]:
-    """The k-th sample: its image position, and its weights in the pixels of a and of b.
+def nodes(stretch: Stretch) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The samples, shape (NODES, stretches): image position, weight, and whether they are in b's cell and behind the edge.
 
     Number 0 lies between the edge and the cells' border, 1 and 2 beyond both on the side of the square root, 3 on the other.
     """
+    k = np.arange(NODES)[:, None]
     c, half = stretch.edge, stretch.length / 2
-    border = dr.fmin(dr.fmax(half, stretch.start), stretch.stop)
-    near, cut = dr.abs(c - border), c < border
-    behind = dr.select(k == 0, cut, stretch.rooted ^ (k == 3))
-    end = dr.abs(dr.select(behind, stretch.stop, stretch.start) - c)
-    low = dr.select((k != 0) & (behind == cut), near, 0)
-    high = dr.fmax(dr.select(k == 0, near, end), low)
+    border = np.minimum(np.maximum(half, stretch.start), stretch.stop)
+    near, cut = np.abs(c - border), c < border
+    behind = np.where(k == 0, cut, stretch.rooted ^ (k == 3))
+    end = np.abs(np.where(behind, stretch.stop, stretch.start) - c)
+    low = np.where((k != 0) & (behind == cut), near, 0)
+    high = np.maximum(np.where(k == 0, near, end), low)
 
     # Distance from the edge, and weight
-    u, v = dr.sqrt(low), dr.sqrt(high)
+    u, v = np.sqrt(low), np.sqrt(high)
     gauss = (k == 1) | (k == 2)
-    root = (u + v) / 2 + dr.select(gauss, dr.select(k == 1, -0.5, 0.5) * 3**-0.5, 0) * (v - u)
+    root = (u + v) / 2 + np.array([[0], [-0.5], [0.5], [0]]) * 3**-0.5 * (v - u)
     middle = (low + high) / 2
-    distance = dr.select(behind == stretch.rooted, root * root, middle)
-    weight = dr.select(gauss, (v - u) * root, high - low)
+    distance = np.where(behind == stretch.rooted, root * root, middle)
+    weight = np.where(gauss, (v - u) * root, high - low)
 
-    sign = dr.select(behind, 1, -1)
-    along, in_b = c + sign * distance, c + sign * middle > half
-    x, y = stretch.x + dr.select(stretch.vertical, 0, along), stretch.y + dr.select(stretch.vertical, along, 0)
-    return x, y, dr.select(in_b, 0, weight * stretch.weight_a), dr.select(in_b, weight * stretch.weight_b, 0)
+    sign = np.where(behind, 1, -1)
+    along = c + sign * distance
+    x, y = stretch.x + np.where(stretch.vertical, 0, along), stretch.y + np.where(stretch.vertical, along, 0)
+    return x, y, weight * stretch.weight, c + sign * middle > half, behind

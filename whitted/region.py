@@ -51,11 +51,11 @@ class Band:
         """What all kernels of `probe` take first."""
         return self.shape, self.parameters, self.inner.size, self.limits
 
-    @cached_property
-    def beside(self) -> tuple[Shape, dict[str, Array], Array, Limits]:
-        """The same, for samples beside edges, of which each counts for a part of a pixel: rays of little weight are left out."""
-        importance = max(self.shape.scene.min_importance, DIM / self.side**2)
-        return *self.inputs[:-1], replace(self.limits, importance=dr.opaque(self.real, importance))
+    def leaving_out_dim(self, which: np.ndarray) -> tuple[Shape, dict[str, Array], Array, Limits]:
+        """The same, for samples of which some, that count for a part of a pixel, are to have no rays of little weight."""
+        least = self.shape.scene.min_importance
+        importance = np.where(which, max(least, DIM / self.side**2), least)
+        return *self.inputs[:-1], replace(self.limits, importance=self.lanes(importance)[0])
 
     def lanes(self, *arrays: np.ndarray) -> list[Array]:
         """Dr.Jit arrays of whole packets."""

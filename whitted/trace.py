@@ -122,22 +122,22 @@ def radiance(scene: Scene, ray: Ray, limits: Limits) -> Array:
     return _walk(scene, ray, limits, ())[0]
 
 
-def labelled_radiance(scene: Scene, ray: Ray, limits: Limits) -> tuple[Array, Array]:
-    """Radiance along rays, and the labels of their trees: hashes of all decisions (`decisions.py`)."""
+def labelled_radiance(scene: Scene, ray: Ray, limits: Limits) -> tuple[Array, Array, Array]:
+    """Radiance along rays, the labels of their trees, which are hashes of all decisions (`decisions.py`), and their nodes."""
     nothing = dr.zeros(type(ray.source), dr.width(ray))
-    light, labels = _walk(scene, ray, limits, tuple(nothing + k for k in range(len(limits.visible(scene)))))
-    return light, joined(labels)
+    light, (nodes, *halves) = _walk(scene, ray, limits, tuple(nothing + k for k in range(1 + len(limits.visible(scene)))))
+    return light, joined(halves), nodes
 
 
 def _walk(scene: Scene, ray: Ray, limits: Limits, label: tuple) -> tuple[Array, tuple]:
-    """Radiance, and the label's halves, if there are any, with all nodes' decisions mixed in."""
+    """Radiance, and unless they are empty the count of nodes and the label's halves with all nodes' decisions mixed in."""
 
     def look(ray, at, weight, active, label):
         if not label:
             return label
         decided = decide(scene, ray, at, active)
-        halves = zip(limits.visible(scene), label, strict=True)
-        return tuple(dr.select(dr.abs(weight) >= least, mix(part, decided), part) for least, part in halves)
+        halves = zip(limits.visible(scene), label[1:], strict=True)
+        return label[0] + 1, *(dr.select(dr.abs(weight) >= least, mix(part, decided), part) for least, part in halves)
 
     if not reflects(scene):
         at = surface(scene, ray, closest_hit(scene, ray))

@@ -65,18 +65,16 @@ def image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> Array:
 
 @dr.freeze(state_fn=None, warn_after=1 << 30)
 def labelled_image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> tuple[Array, Array, Array]:
-    """A band's pixels, and radiance (and a zero) and labels of its samples and those in its margin, row by row of samples."""
+    """A band's pixels, and of its samples and those in its margin, row by row: radiance and nodes, and labels."""
     scene, camera = prepare(shape.filled(parameters), film.size)
     colors, labels = dr.empty(type(film.step), film.labels * 4), dr.empty(ad.UInt64 if varies(scene) else ad.UInt32, film.labels)
     row = (film.width + 2 * film.margin) * film.side
-    four = ad.Array4f if type(film.step) is ad.Float else ad.Array4f64
 
     def of_sample(x, y, i, j):
-        color, label = labelled_radiance(scene, sample_ray(camera, film, x, y, i, j), limits)
+        color, label, nodes = labelled_radiance(scene, sample_ray(camera, film, x, y, i, j), limits)
         index = ad.UInt32(((y + film.margin) * film.side + j) * row + (x + film.margin) * film.side + i)
         dr.scatter(labels, label, index)
-        # Four numbers are stored at once, three one by one
-        dr.scatter(colors, four(color.x, color.y, color.z, 0), index)
+        dr.scatter(colors, with_fourth(color, nodes), index)
         return color
 
     return accumulate(film, of_sample, type(scene.background)), colors, labels
@@ -127,6 +125,12 @@ def image_vjp(
         dr.enqueue(dr.ADMode.Backward, value)
     dr.traverse(dr.ADMode.Backward)
     return dr.grad(wrt)
+
+
+def with_fourth(color: Array, number: Array) -> Array:
+    """A color and a number; four are stored at once, three one by one."""
+    four = ad.Array4f if dr.value_t(type(color)) is ad.Float else ad.Array4f64
+    return four(*color, number)
 
 
 def of_scene(scene: Scene, wrt: dict) -> dict[str, Array]:
