@@ -118,9 +118,8 @@ class _Search:
 
         # Busy pixels are done apart
         apart = np.zeros(len(self.image) // 3 + 1, bool)
-        for pixels, _ in finer:
-            apart[pixels] = True
-        busy, apart[-1] = np.flatnonzero(apart), True
+        busy = np.sort(np.concatenate([pixels for pixels, _ in finer]))
+        apart[busy] = apart[-1] = True
         ends[apart.take(ends)] = -1
         kept = np.flatnonzero(np.maximum(*ends) >= 0)
         regular = pairs_of(samples, a.take(kept), b.take(kept), ends.take(kept, 1), self.contrast)

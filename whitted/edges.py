@@ -155,14 +155,15 @@ def label_counts(samples: Samples, pixels: np.ndarray, least: float) -> np.ndarr
     side, stride = samples.side, samples.labels.shape[2]
     columns = stride // side - 2
     start = (pixels // columns + 1) * side * stride + (pixels % columns + 1) * side
-    near = start[:, None] + _window(side, stride)
-    halves = samples.labels.ravel().take(near).view(np.uint32).reshape(near.size, samples.labels.itemsize // 4).T
-    around = [np.sort(half.reshape(near.shape), 1) for half in halves]
-    counts = 1 + np.min([(row[:, 1:] != row[:, :-1]).sum(1) for row in around], 0)
+    near = start + _window(side, stride)[:, None]
+    labels = samples.labels.ravel().take(near)
+    halves = [labels] if labels.itemsize == 4 else [labels.astype(np.uint32), labels >> 32]
+    around = [np.sort(np.ascontiguousarray(half.T), 1).T for half in halves]
+    counts = 1 + np.min([(row[1:] != row[:-1]).sum(0) for row in around], 0)
     several = np.flatnonzero(counts > 2)
-    seen = samples.colors.take(near[several], 0)
-    high = seen.max(1)
-    counts[several[_largest(high - seen.min(1)) < least * _largest(high)]] = 1
+    seen = samples.colors.take(near[:, several], 0)
+    high = seen.max(0)
+    counts[several[_largest(high - seen.min(0)) < least * _largest(high)]] = 1
     return counts
 
 
@@ -182,14 +183,15 @@ def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray, l
     """The neighbours that differ by more than a part of the brighter one, those across the same edge together."""
     one, other = samples.colors.take(a, 0), samples.colors.take(b, 0)
     kept = np.flatnonzero(_largest(np.abs(one - other)) > least * _largest(np.maximum(one, other)))
+    nodes, label = np.stack([one[:, 3], other[:, 3]]).take(kept, 1), samples.labels.ravel().take(np.stack([a, b])).take(kept, 1)
+    walks = walk_order(nodes, label)
+    order = np.argsort(walks[0] + walks[1], kind="stable")
+    kept = kept.take(order)
     a, b = a.take(kept), b.take(kept)
-    sample, step = samples.counted(np.stack([a, b])), b - a
-    label = samples.labels.ravel().take(sample)
-    order = walk_order(samples.colors[:, 3].take(sample), label)
+    sample = samples.counted(np.stack([a, b])) + samples.first
     x, y = samples.x.take(a), samples.y.take(a) + samples.top
     length = np.full(len(a), 1 / samples.side)
-    pairs = Pairs(x, y, step > 1, length, sample + samples.first, label, order, ends.take(kept, 1))
-    return take(pairs, np.argsort(order[0] + order[1], kind="stable"))
+    return Pairs(x, y, b - a > 1, length, sample, label.take(order, 1), walks.take(order, 1), ends.take(kept, 1))
 
 
 def walk_order(nodes: np.ndarray, labels: np.ndarray) -> np.ndarray:

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-NODES = 4
-
 
 @dataclass(frozen=True)
 class Stretch:
@@ -33,28 +31,25 @@ class Stretch:
 
 
 def nodes(stretch: Stretch) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The samples, shape (NODES, stretches): image position, weight, and whether they are in b's cell and behind the edge.
+    """The samples, shape (4, stretches): image position, weight, and whether they are in b's cell and behind the edge.
 
     Number 0 lies between the edge and the cells' border, 1 and 2 beyond both on the side of the square root, 3 on the other.
     """
-    k = np.arange(NODES)[:, None]
-    c, half = stretch.edge, stretch.length / 2
-    border = np.minimum(np.maximum(half, stretch.start), stretch.stop)
-    near, cut = np.abs(c - border), c < border
-    behind = np.where(k == 0, cut, stretch.rooted ^ (k == 3))
-    end = np.abs(np.where(behind, stretch.stop, stretch.start) - c)
-    low = np.where((k != 0) & (behind == cut), near, 0)
-    high = np.maximum(np.where(k == 0, near, end), low)
+    c, rooted = stretch.edge, stretch.rooted
+    border = np.minimum(np.maximum(stretch.length / 2, stretch.start), stretch.stop)
+    between, cut = np.abs(c - border), c < border
+    facing = cut == rooted
+    before, after = c - stretch.start, stretch.stop - c
 
-    # Distance from the edge, and weight
+    # From where to where the parts beyond both are, as distances from the edge
+    low, start = np.where(facing, between, 0), np.where(facing, 0, between)
+    high, stop = np.maximum(np.where(rooted, after, before), low), np.maximum(np.where(rooted, before, after), start)
     u, v = np.sqrt(low), np.sqrt(high)
-    gauss = (k == 1) | (k == 2)
-    root = (u + v) / 2 + np.array([[0], [-0.5], [0.5], [0]]) * 3**-0.5 * (v - u)
-    middle = (low + high) / 2
-    distance = np.where(behind == stretch.rooted, root * root, middle)
-    weight = np.where(gauss, (v - u) * root, high - low)
+    mean, spread = (u + v) / 2, (v - u) * (3**-0.5 / 2)
+    first, second = mean - spread, mean + spread
+    distance = np.stack([between * np.where(facing, 0.25, 0.5), first * first, second * second, (start + stop) / 2])
+    weight = np.stack([between, (v - u) * first, (v - u) * second, stop - start]) * stretch.weight
 
-    sign = np.where(behind, 1, -1)
-    along = c + sign * distance
-    x, y = stretch.x + np.where(stretch.vertical, 0, along), stretch.y + np.where(stretch.vertical, along, 0)
-    return x, y, weight * stretch.weight, c + sign * middle > half, behind
+    behind, in_b = np.stack([cut, rooted, rooted, ~rooted]), np.stack([~cut, rooted, rooted, ~rooted])
+    along = np.where(behind, c + distance, c - distance)
+    return stretch.x + along * ~stretch.vertical, stretch.y + along * stretch.vertical, weight, in_b, behind
