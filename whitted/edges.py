@@ -103,21 +103,16 @@ def fine_samples(pixels: np.ndarray, side: int, columns: int, first_row: int) ->
     traced[:, grid[[0, 0, -1, -1], [0, -1, 0, -1]]] = False
     twin = np.arange(pixel.size).reshape(pixel.shape)
 
-    # What rings share with other pixels
-    sides = (
-        (column > 0, -1, grid[1:-1, 0], inside[:, -1]),
-        (True, -columns, grid[0, 1:-1], inside[-1]),
-        (column < columns - 1, 1, grid[1:-1, -1], inside[:, 0]),
-        (True, columns, grid[-1, 1:-1], inside[0]),
-    )
-    for exists, step, here, there in sides:
-        other = np.searchsorted(pixels[:-1], pixels + step)
-        own = np.flatnonzero(exists & (pixels.take(other) == pixels + step))
-        place = own[:, None], here
-        twin[place] = other[own, None] * grid.size + there
-        traced[place] = False
-        if step < 0:
-            pixel[place] = -2
+    # What rings share with the pixel to the right or below
+    right = np.flatnonzero((np.diff(pixels) == 1) & (column[1:] > 0))
+    below = np.searchsorted(pixels[:-1], pixels + columns)
+    above = np.flatnonzero(pixels.take(below) == pixels + columns)
+    for a, b, across in ((right, right + 1, grid.T), (above, below[above], grid)):
+        out, last, first, back = across[[-1, -2, 1, 0], 1:-1]
+        of_a, of_b = (a[:, None], out), (b[:, None], back)
+        twin[of_a], twin[of_b] = b[:, None] * grid.size + first, a[:, None] * grid.size + last
+        traced[of_a] = traced[of_b] = False
+        pixel[of_b] = -2
     labels, colors = np.empty(x.shape, np.uint32), np.empty((0, 4))
     columns_of = x.ravel(), y.ravel(), pixel.ravel(), twin.ravel()
     return Samples(labels, colors, *columns_of, side, 0, 0), np.flatnonzero(traced)
