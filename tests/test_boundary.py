@@ -301,6 +301,20 @@ def test_error_of_the_gradient_falls_with_the_samples(load):
     assert np.polyfit(np.log([1, 2, 4, 8]), np.log(errors), 1)[0] < -0.8, errors
 
 
+def test_slivers_between_mirrors_need_their_samples_in_pieces(monkeypatch):
+    """Where mirrors touch, what lies between two edges is a hundredth of a pixel wide and its derivative 10^4 times the rest's."""
+    path = next(path for path in SCENES if path.stem == "three_mirror")
+    loaded, name, options = load_scene(path, "double"), "spheres.small.radius", {"resolution": (32, 32)}
+    values = loaded.parameters(name)
+    tangents = {name: only(values[name], 0)}
+    reference, _ = image_difference(lambda moved: render(loaded.replace(moved), 400, **options), values, tangents)
+    errors = []
+    for pieces in (4, 1):
+        monkeypatch.setattr(sys.modules["whitted.boundary"], "PIECES", pieces)
+        errors.append(image_error(derivative(loaded, name, spp=9, **options), reference))
+    assert errors[0] < 0.7 * errors[1], errors
+
+
 def test_suspended_gradients_change_no_pixel(load):
     """Edges are found by derivatives within the kernels, which are recorded once for all calls."""
     scene = load(GLOW + AHEAD + RED + ball([0.1, 0.2, 0], 0.631, "red"), "double")

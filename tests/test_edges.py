@@ -189,9 +189,10 @@ def stretch(edge, rooted, length=0.5) -> Stretch:
 
 @pytest.mark.parametrize("rooted", [True, False])
 @pytest.mark.parametrize("edge", [0.05, 0.25, 0.4])
-def test_samples_beside_an_edge_stand_for_both_cells(edge, rooted):
+@pytest.mark.parametrize("pieces", [1, 4])
+def test_samples_beside_an_edge_stand_for_both_cells(edge, rooted, pieces):
     """Each pixel's weights add up to its length, and all samples are on the line, on the side that they stand for."""
-    x, y, weight, in_b, behind = nodes(stretch(edge, rooted))
+    x, y, weight, in_b, behind = nodes(stretch(edge, rooted), pieces)
     np.testing.assert_allclose([weight[~in_b].sum(), weight[in_b].sum()], 2 * 0.5)
     assert np.all(x == 3)
     assert np.array_equal(y > 2 + edge, behind)
@@ -199,9 +200,10 @@ def test_samples_beside_an_edge_stand_for_both_cells(edge, rooted):
 
 
 @pytest.mark.parametrize("rooted", [True, False])
-def test_samples_beside_an_edge_integrate_the_square_root(rooted):
+@pytest.mark.parametrize("pieces", [1, 4])
+def test_samples_beside_an_edge_integrate_the_square_root(rooted, pieces):
     """a + b sqrt(distance) + c distance on the one side, a line on the other, the edge midway (Gauss's rule is exact)."""
-    _, y, weight, _, behind = nodes(stretch(0.25, rooted))
+    _, y, weight, _, behind = nodes(stretch(0.25, rooted), pieces)
     distance = abs(y - 2.25)
     seen = np.where(behind == rooted, 1 + 3 * np.sqrt(distance) + 5 * distance, 7 - 2 * distance)
     # Integrals from 0 to 1 / 2
@@ -212,7 +214,7 @@ def test_samples_beside_an_edge_integrate_the_square_root(rooted):
 def test_samples_beside_an_edge_count_for_the_pixel_that_they_are_in():
     line = stretch(0.05, True)
     order = np.array([[10], [20]], np.uint16)
-    samples = beside(line, np.array([[4], [-1]]), order)
+    samples = beside(line, 1, np.array([[4], [-1]]), order)
     # The smooth side of a, and between the edge and the border, which is behind the edge
     assert samples.pixel.tolist() == [4, 4]
     assert samples.order.tolist() == [20, 10]

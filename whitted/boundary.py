@@ -77,6 +77,8 @@ from .region import LANES, SAMPLES, Band, chunks, number, rows
 CONTRAST = 1 / 32
 # Searches for edges in what is left of a segment; a third with a single sample a pixel
 ROUNDS = 6
+# Into how many pieces what lies beside one of several edges between two samples is cut, at most
+PIECES = 4
 
 
 def correct(band: Band, keep: bool) -> tuple[Array, Correction]:
@@ -208,8 +210,14 @@ class _Search:
         ends = np.concatenate([pairs.ends(found.pair[found.singular]) for pairs, found, _ in self.crossed], 1)
         for pairs, found, edge in self.crossed:
             lines, pair, taken = stretches(found, pairs, ends)
-            self.result.extra.append(beside(lines, pairs.pixel.take(pair, 1), pairs.order.take(pair, 1)))
             deposit(self.taken, pairs.sample.take(pair, 1), taken)
+            # Between edges close to each other, seen in curved mirrors, derivatives may change much
+            most = min(self.band.side, PIECES)
+            pieces = np.where(np.bincount(found.pair).take(pair) > 1, most, 1)
+            for count in {1, most}:
+                which = np.flatnonzero(pieces == count)
+                pixel, order = (column.take(pair.take(which), 1) for column in (pairs.pixel, pairs.order))
+                self.result.extra.append(beside(take(lines, which), count, pixel, order))
             here = take(pairs, found.pair)
             x = here.x + np.where(here.vertical, 0, found.along)
             y = here.y + np.where(here.vertical, found.along, 0)

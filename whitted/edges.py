@@ -273,9 +273,9 @@ class Extra:
     order: np.ndarray  # of `walk_order`
 
 
-def beside(stretch: Stretch, pixel: np.ndarray, order: np.ndarray) -> Extra:
-    """The samples of stretches, from (2, N) those of a and b."""
-    x, y, weight, in_b, behind = nodes(stretch)
+def beside(stretch: Stretch, pieces: int, pixel: np.ndarray, order: np.ndarray) -> Extra:
+    """The samples of stretches in pieces, which belong to a pixel and come in the order of (2, N) those of a and b."""
+    x, y, weight, in_b, behind = nodes(stretch, pieces)
     pixel, order = np.where(in_b, *pixel[::-1]), np.where(behind, *order[::-1])
     kept = np.flatnonzero((weight > 0) & (pixel >= 0))
     columns = (column.ravel().take(kept) for column in (x, y, pixel, weight, order))

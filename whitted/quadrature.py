@@ -4,7 +4,8 @@ On one side of a silhouette, where the sphere is, radiance is a + b sqrt(distanc
 normal, and its derivative a / sqrt(distance) + b + ...; the same holds where refraction ends in total reflection. There
 two of Gauss's points in sqrt(distance) integrate radiance up to the term in distance, and its derivative as far. On the
 other side there is one sample, in the middle. The border between the two neighbours' cells cuts one of the sides; the
-part between it and the edge has a sample of its own.
+part between it and the edge has a sample of its own. Where several edges are between the neighbours, as where curved
+mirrors touch, what lies between two of them is small and bright, and each part is cut into pieces with as many samples.
 """
 
 from dataclasses import dataclass
@@ -30,10 +31,14 @@ class Stretch:
     weight: np.ndarray  # in the pixel of a or that of b, for a unit of length
 
 
-def nodes(stretch: Stretch) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The samples, shape (4, stretches): image position, weight, and whether they are in b's cell and behind the edge.
+def nodes(stretch: Stretch, pieces: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The samples, shape (4 pieces, stretches): image position, weight, and whether they are in b's cell and behind the edge.
 
-    Number 0 lies between the edge and the cells' border, 1 and 2 beyond both on the side of the square root, 3 on the other.
+    The first quarter lies between the edge and the cells' border, the next two beyond both on the side of the square root,
+    the last on the other.
+
+    Args:
+        pieces: into which each of the three parts is cut, those on the side of the square root at equal steps of it.
     """
     c, rooted = stretch.edge, stretch.rooted
     border = np.minimum(np.maximum(stretch.length / 2, stretch.start), stretch.stop)
@@ -44,12 +49,17 @@ def nodes(stretch: Stretch) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndar
     # From where to where the parts beyond both are, as distances from the edge
     low, start = np.where(facing, between, 0), np.where(facing, 0, between)
     high, stop = np.maximum(np.where(rooted, after, before), low), np.maximum(np.where(rooted, before, after), start)
+    middle = ((np.arange(pieces) + 0.5) / pieces)[:, None]
     u, v = np.sqrt(low), np.sqrt(high)
-    mean, spread = (u + v) / 2, (v - u) * (3**-0.5 / 2)
+    width = (v - u) / pieces
+    mean, spread = u + (v - u) * middle, width * (3**-0.5 / 2)
     first, second = mean - spread, mean + spread
-    distance = np.stack([between * np.where(facing, 0.25, 0.5), first * first, second * second, (start + stop) / 2])
-    weight = np.stack([between, (v - u) * first, (v - u) * second, stop - start]) * stretch.weight
+    smooth, near = start + (stop - start) * middle, np.where(facing, middle * middle, middle)
+    distance = between * near, first * first, second * second, smooth
+    part = np.where(facing, 2 * middle, 1)
+    weight = between * part / pieces, width * first, width * second, (stop - start) * np.ones_like(middle) / pieces
 
-    behind, in_b = np.stack([cut, rooted, rooted, ~rooted]), np.stack([~cut, rooted, rooted, ~rooted])
-    along = np.where(behind, c + distance, c - distance)
-    return stretch.x + along * ~stretch.vertical, stretch.y + along * stretch.vertical, weight, in_b, behind
+    behind, in_b = (np.repeat([where, rooted, rooted, ~rooted], pieces, 0) for where in (cut, ~cut))
+    along = np.where(behind, c + np.concatenate(distance), c - np.concatenate(distance))
+    x, y = stretch.x + along * ~stretch.vertical, stretch.y + along * stretch.vertical
+    return x, y, np.concatenate(weight) * stretch.weight, in_b, behind
