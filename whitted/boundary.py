@@ -77,6 +77,8 @@ from .region import LANES, SAMPLES, Band, chunks, number, rows
 CONTRAST = 1 / 32
 # Searches for edges in what is left of a segment; a third with a single sample a pixel
 ROUNDS = 6
+# With one sample a pixel, those where edges meet are sampled more finely only if they are more than one in so many
+FEW = 8
 # Into how many pieces what lies beside one of several edges between two samples is cut, at most
 PIECES = 4
 
@@ -110,8 +112,9 @@ class _Search:
         busy = crowded(samples, a, b, ends, len(self.image) // 3)
         counts = label_counts(samples, busy, self.contrast)
         if band.side == 1:
-            # Three labels are often one edge that ends at another
-            finer = [(busy[(counts > 2) & (counts < 5)], 2), (busy[counts == 5], 4)]
+            # Three labels are often one edge that ends at another. A few pixels of five are not worth samples of their own
+            five = (counts == 5) & (FEW * np.count_nonzero(counts == 5) >= np.count_nonzero(counts > 2))
+            finer = [(busy[(counts > 2) & ~five], 2), (busy[five], 4)]
         else:
             finer = [(busy[counts > 2], band.side * (4 if band.side <= 4 else 2))]
         columns, top = band.resolution[0], band.first_row
