@@ -301,6 +301,16 @@ def test_error_of_the_gradient_falls_with_the_samples(load):
     assert np.polyfit(np.log([1, 2, 4, 8]), np.log(errors), 1)[0] < -0.8, errors
 
 
+@pytest.mark.parametrize(("name", "sides"), [("cornell", [2]), ("whitted1980", [2, 4])])
+def test_pixels_of_five_labels_have_sixteen_samples_where_they_are_many(name, sides, monkeypatch):
+    """The tiles of Whitted's picture near the horizon are, a few corners of the Cornell box are not."""
+    module, taken = sys.modules["whitted.boundary"], []
+    made = module.fine_samples
+    monkeypatch.setattr(module, "fine_samples", lambda *given: taken.append(given[1]) or made(*given))
+    render(load_scene(next(path for path in SCENES if path.stem == name)), resolution=(96, 72))
+    assert taken == sides
+
+
 def test_slivers_between_mirrors_need_their_samples_in_pieces(monkeypatch):
     """Where mirrors touch, what lies between two edges is a hundredth of a pixel wide, its derivative 10^4 times the rest's."""
     path = next(path for path in SCENES if path.stem == "three_mirror")
