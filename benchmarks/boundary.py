@@ -150,7 +150,8 @@ class Derivative:
         j, i = np.divmod(np.arange(DENSE**2), DENSE)
         place = ad.Float64(x + (i + 0.5) / DENSE), ad.Float64(y + (j + 0.5) / DENSE)
         size, scene = ad.Array2f64(128, 128), self.scene
-        limits = Limits(*(scene.max_depth, dr.opaque(ad.UInt32, scene.max_depth)), *map(ad.Float64, (scene.min_importance, 1)))
+        least, faint = ad.Float64(scene.min_importance), ad.Float64(1)
+        limits = Limits(scene.max_depth, dr.opaque(ad.UInt32, scene.max_depth), least, faint)
         dr.make_opaque(size, limits)
         means = []
         for factor in (-1, -0.5, 0, 0.5, 1):

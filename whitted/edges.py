@@ -278,8 +278,7 @@ def beside(stretch: Stretch, pieces: int, pixel: np.ndarray, order: np.ndarray) 
     x, y, weight, in_b, behind = nodes(stretch, pieces)
     pixel, order = np.where(in_b, *pixel[::-1]), np.where(behind, *order[::-1])
     kept = np.flatnonzero((weight > 0) & (pixel >= 0))
-    columns = (column.ravel().take(kept) for column in (x, y, pixel, weight, order))
-    x, y, pixel, weight, order = columns
+    x, y, pixel, weight, order = (column.ravel().take(kept) for column in (x, y, pixel, weight, order))
     return Extra(x, y, pixel, weight, np.ones(len(x), bool), order)
 
 
