@@ -108,12 +108,24 @@ def test_reverse_mode_is_forward_mode_transposed(load, image_of, name):
     assert adjoint_error(image_of(scene), values, only(values, name)) < 1e-10
 
 
-@pytest.mark.parametrize("name", ["spheres.sphere1.radius", "materials.glass.ior", "lights.light1.intensity", "camera.fov"])
+ALONE = ["spheres.sphere1.radius", "planes.plane0.offset", "materials.glass.ior", "materials.air.ior", "materials.checks.color"]
+
+
+@pytest.mark.parametrize("name", [*ALONE, "lights.light1.intensity", "background", "camera.fov"])
 def test_one_parameter_alone(load, image_of, name):
-    """The kernels that are compiled for one parameter only."""
+    """The kernels that are compiled for one parameter only, which leave out all light that it does not change."""
     scene = load(ALL)
     image, values = image_of(scene, resolution=(24, 18)), scene.parameters(name)
     check_differences(image, values, directions(values), name)
+    assert adjoint_error(image, values, directions(values)) < 1e-10
+
+
+def test_index_of_what_is_around_the_camera(load, image_of):
+    """It bends rays at other spheres, before they meet anything whose parameters change."""
+    around = sphere([0, 0, 1.5], 2.5, "glass") + sphere([0.1, 0.1, 0.3], 0.8, "air")
+    scene = load("max_depth = 4\n" + SKY + CAMERA + MATERIALS + around + LIGHT)
+    image, values = image_of(scene, resolution=(24, 18), max_depth=2), scene.parameters("materials.glass.ior")
+    check_differences(image, values, directions(values), "materials.glass.ior")
     assert adjoint_error(image, values, directions(values)) < 1e-10
 
 

@@ -8,7 +8,7 @@ adjoints of its ray and the light that it saw. No intermediate image is stored, 
 These are derivatives of samples; what moves with an edge is not in them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,8 +20,8 @@ from .geometry import Array, Ray
 from .scene import Hit, Scene, closest_hit
 from .shading import emitted
 from .stack import Stack
-from .surface import surface
-from .trace import Branch, Limits, allocate, children, go_on, pack, reflects, scatter, start, unpack
+from .surface import surface, transparent
+from .trace import Branch, Limits, allocate, branches_out, children, go_on, pack, reflects, scatter, start, unpack
 
 Parameters = Mapping[str, Array]
 
@@ -50,18 +50,26 @@ def radiance_jvp(scene: Scene, tangents: Parameters, ray: Ray, o_slope: Array, d
     Returns:
         Array3f, the tangent of `trace.radiance`.
     """
+    changed = _changed(scene, tangents)
+
+    def light(path, slope, hit):
+        inputs, moving, ray, _ = _moving(scene, tangents, path, slope)
+        value = inputs[2] * emitted(moving, ray, surface(moving, ray, hit))
+        push_forward(inputs)
+        return dr.grad(value)
 
     def node(path, slope, result, stack, active):
         inputs, moving, ray, depth = _moving(scene, tangents, path, slope)
-        still, weight = dr.detach(ray), inputs[2]
-        at = surface(moving, ray, closest_hit(scene, still))
-        light = weight * emitted(moving, ray, at)
+        hit = closest_hit(scene, dr.detach(ray))
+        moves = dr.any(slope[0] != 0) | dr.any(slope[1] != 0) | (slope[2] != 0)
+        state, moves = (path, slope, hit), _among(changed, hit, moves)
+        result += light(*state) if changed is None else dr.if_stmt(state, moves, light, lambda *_: dr.zeros(type(result)))
+        at, weight = surface(moving, ray, hit), inputs[2]
         branches = children(moving, ray, at, weight, depth, limits)
-        rays = [(at.p, branch.direction, weight * branch.weight) for branch in branches]
-        push_forward(inputs)
-        result += dr.grad(light)
         if not branches:
             return path, slope, result, stack, dr.mask_t(active)(False)
+        rays = [(at.p, branch.direction, weight * branch.weight) for branch in branches]
+        push_forward(inputs)
         links = [pack(at.hit.index, branch.inward, depth + 1) for branch in branches]
         paths = [(*dr.detach(r), link, *(dr.grad(x) for x in r)) for r, link in zip(rays, links, strict=True)]
         stack, active, path = go_on(stack, [branch.active for branch in branches], paths)
@@ -124,7 +132,9 @@ class Adjoint:
     value: Array  # dot(seed, radiance), before the weight of its chain
 
 
-def radiance_vjp(scene: Scene, sums: Parameters, wide: Parameters, ray: Ray, seed: Array, limits: Limits) -> tuple:
+def radiance_vjp(
+    scene: Scene, sums: Parameters, wide: Parameters, ray: Ray, seed: Array, limits: Limits, moves: bool = True
+) -> tuple:
     """The derivatives of dot(seed, radiance) along rays (reverse mode).
 
     Args:
@@ -132,23 +142,47 @@ def radiance_vjp(scene: Scene, sums: Parameters, wide: Parameters, ray: Ray, see
         sums: parameter name to derivatives so far, as wide as the wavefront.
         wide: parameter name to value, as wide as the wavefront, which keeps each lane's derivative in its lane.
         seed: Array3f, the adjoint of `trace.radiance`.
+        moves: whether derivatives by the rays are of use.
 
     Returns:
         The sums with these rays' derivatives added, and the derivatives by the rays' origins and directions.
     """
-    return _walk(_Tree(scene, wide, seed, limits), sums, ray)
+    return _walk(_Tree(scene, wide, seed, limits, None if moves else _changed(scene, wide)), sums, ray)
 
 
 def level_vjp(scene: Scene, sums: Parameters, wide: Parameters, ray: Ray, seed: Array, limits: Limits, edge: "Edge") -> tuple:
     """The derivatives of seed * (level function of an event at the end of a chain), like `radiance_vjp`."""
-    return _walk(_Chain(scene, wide, seed, limits, edge), sums, ray)
+    return _walk(_Chain(scene, wide, seed, limits, None, edge), sums, ray)
+
+
+def _changed(scene: Scene, names: Iterable[str]) -> tuple[int, ...] | None:
+    """The primitives whose light, or that of their children, parameters of these names change by themselves; None if all."""
+    spheres, changed = len(scene.spheres), set()
+    for kind, position, field in (scene.locations[name] for name in names):
+        if kind in ("spheres", "planes"):
+            changed.add(position + (spheres if kind == "planes" else 0))
+        elif kind == "materials":
+            made = scene.materials[position].name
+            changed |= {k for k in range(spheres + len(scene.planes)) if scene.material_of(k) == made}
+            # An index counts for what lies inside, too
+            changed |= {k for k, *_ in transparent(scene)} if field == "ior" else set()
+        else:
+            return None
+    return tuple(changed) if len(changed) < spheres + len(scene.planes) else None
+
+
+def _among(changed: tuple[int, ...] | None, hit: Hit, moves: Array) -> Array:
+    """Whether what a ray meets changes its light: the ray moves, or the primitive is one of those that change."""
+    for k in changed or ():
+        moves |= hit.index == k
+    return moves
 
 
 def _walk(tree: "_Tree", sums: Parameters, ray: Ray) -> tuple:
     scene, limits = tree.scene, tree.limits
 
-    def step(ray, weight, back, stack, sums, tracing):
-        state = ray, weight, back, stack, sums
+    def step(ray, weight, back, stack, sums, moves, tracing):
+        state = ray, weight, back, stack, sums, moves
         state = dr.if_stmt(state, tracing, tree.arrive, lambda *state: (*state, dr.zeros(type(tracing), dr.width(weight))))
         returning = ~state[-1] & (state[3].size > 0)
         return dr.if_stmt(state, returning, tree.come_back, lambda *state: state)
@@ -159,11 +193,12 @@ def _walk(tree: "_Tree", sums: Parameters, ray: Ray) -> tuple:
     parts = o, d, o, d, zero, zero, zero, uint(0)
     stack = Stack.allocate(limits.max_depth if reflects(scene) else 0, dr.zeros(uint, width), *parts)
     ray, back = Ray(o, d, ray.source, ray.inward), Adjoint(nothing, nothing, zero)
-    state: Any = ray, weight, back, stack, dict(sums)
+    mask = type(ray.inward)
+    state: Any = ray, weight, back, stack, dict(sums), dr.full(mask, tree.changed is None, width)
     if not reflects(scene):
-        _, _, back, _, sums, _ = tree.arrive(*state)
+        _, _, back, _, sums, *_ = tree.arrive(*state)
         return sums, back.o, back.d
-    state = *state, dr.ones(type(ray.inward), width)
+    state = *state, dr.any(tree.seed != 0) & dr.ones(mask, width)
     state = dr.while_loop(state, lambda *s: s[-1] | (s[3].size > 0), step, mode="symbolic", label="radiance_vjp")
     return state[4], state[2].o, state[2].d
 
@@ -174,12 +209,16 @@ class _Tree:
 
     The stack holds the nodes between the camera and the ray that is being traced: ray, derivatives by it so far,
     distance, weight, light so far, and in one integer the primitive and what became of the node's children.
+
+    A ray moves if something changes on the way to it. Light is differentiated only where a ray that moves arrives, or any
+    at a primitive that changes; other light changes nothing.
     """
 
     scene: Scene
     wide: Parameters
     seed: Array
     limits: Limits
+    changed: tuple[int, ...] | None  # the primitives that change by themselves; None if all, or if the first ray moves
 
     def attached(self, ray: Ray) -> tuple[Scene, Ray, dict[str, Array]]:
         """The scene, the ray and the parameters with fresh gradients."""
@@ -187,44 +226,65 @@ class _Tree:
         dr.enable_grad(values, o, d)
         return self.scene.carrying(values), Ray(o, d, ray.source, ray.inward), values
 
-    def arrive(self, ray, weight, back, stack, sums):
-        """Trace a ray: differentiate the light of its surface, then go on with its first child."""
-        hit = closest_hit(self.scene, ray)
+    def where(self, moves, differentiated, ray, hit, weight, sums, *more):
+        """What a node adds to the adjoint of its ray and to the sums: nothing where the ray does not move."""
+
+        def nothing(ray, hit, weight, sums, *_):
+            return Adjoint(dr.zeros(type(ray.o)), dr.zeros(type(ray.d)), dr.zeros(type(weight))), sums
+
+        inputs = ray, hit, weight, sums, *more
+        return differentiated(*inputs) if self.changed is None else dr.if_stmt(inputs, moves, differentiated, nothing)
+
+    def light(self, ray, hit, weight, sums):
+        """The light of a surface itself."""
+        moving, there, values = self.attached(ray)
+        light = dr.dot(self.seed, emitted(moving, there, surface(moving, there, hit)))
+        pull_back(light, weight)
+        return Adjoint(dr.grad(there.o), dr.grad(there.d), dr.detach(light)), _added(sums, values)
+
+    def through(self, ray, hit, weight, sums, first, back):
+        """The light of a child."""
         moving, there, values = self.attached(ray)
         at = surface(moving, there, hit)
+        branches = scatter(moving, there, at)
+        child = choose(first, *branches) if len(branches) == 2 else branches[0]
+        light = child.weight * (weight * back.value)
+        pull_back(dr.dot(at.p, back.o) + dr.dot(child.direction, back.d) + light, dr.ones(type(weight)))
+        return Adjoint(dr.grad(there.o), dr.grad(there.d), dr.detach(child.weight) * back.value), _added(sums, values)
+
+    def arrive(self, ray, weight, back, stack, sums, moves):
+        """Trace a ray: differentiate the light of its surface, then go on with its first child."""
+        hit = closest_hit(self.scene, ray)
+        moves = _among(self.changed, hit, moves)
+        moving, there, _ = self.attached(ray)
+        at = surface(moving, there, hit)
         branches = dr.detach(children(moving, there, at, weight, stack.size + 1, self.limits))
-        light = dr.dot(self.seed, emitted(moving, there, at))
-        pull_back(light, weight)
-        sums = _added(sums, values)
-        back = Adjoint(dr.grad(there.o), dr.grad(there.d), dr.detach(light))
+        back, sums = self.where(moves, self.light, ray, hit, weight, sums)
         if not branches:
-            return ray, weight, back, stack, sums, dr.zeros(type(ray.inward), dr.width(weight))
+            return ray, weight, back, stack, sums, moves, dr.zeros(type(ray.inward), dr.width(weight))
         child, first, both = branches[0], branches[0].active, type(ray.inward)(False)
         if len(branches) == 2:
             child, both = choose(first, *branches), first & branches[1].active
-        links = hit.index | _bit(hit.inside, 16) | _bit(first, 17) | _bit(both, 18)
+        links = hit.index | _bit(hit.inside, 16) | _bit(first, 17) | _bit(both, 18) | _bit(moves, 19)
         stack = stack.push(child.active, ray.o, ray.d, back.o, back.d, hit.t, weight, back.value, links)
         ray = Ray(dr.detach(at.p), child.direction, hit.index, child.inward)
-        return ray, weight * child.weight, back, stack, sums, child.active
+        return ray, weight * child.weight, back, stack, sums, moves, child.active
 
-    def come_back(self, ray, weight, back, stack, sums, tracing):
+    def come_back(self, ray, weight, back, stack, sums, moves, tracing):
         """Take a child's adjoints through its parent, then go on with the second child or return further."""
         parts = ray.o, ray.d, ray.o, ray.d, weight, weight, weight, ray.source
         stack, o, d, o_adjoint, d_adjoint, t, weight, value, links = stack.pop(type(tracing)(True), *parts)
-        index, (inside, first, both) = links & 0xFFFF, ((links & (1 << bit)) != 0 for bit in (16, 17, 18))
-        moving, there, values = self.attached(Ray(o, d, index, inside))
-        at = surface(moving, there, Hit(t, index, inside))
-        branches = scatter(moving, there, at)
-        child = choose(first, *branches) if len(branches) == 2 else branches[0]
-        pull_back(dr.dot(at.p, back.o) + dr.dot(child.direction, back.d) + child.weight * (weight * back.value), dr.ones(type(t)))
-        sums = _added(sums, values)
-        value += dr.detach(child.weight) * back.value
-        back = Adjoint(o_adjoint + dr.grad(there.o), d_adjoint + dr.grad(there.d), value)
-        if len(branches) == 2:
-            second = dr.detach(branches[1])
-            stack = stack.push(both, o, d, back.o, back.d, t, weight, value, index | _bit(inside, 16))
+        index, (inside, first, both, moves) = links & 0xFFFF, ((links & (1 << bit)) != 0 for bit in (16, 17, 18, 19))
+        ray, hit = Ray(o, d, index, inside), Hit(t, index, inside)
+        through, sums = self.where(moves, self.through, ray, hit, weight, sums, first, back)
+        back = Adjoint(o_adjoint + through.o, d_adjoint + through.d, value + through.value)
+        if branches_out(self.scene):
+            moving, there, _ = self.attached(ray)
+            at = surface(moving, there, hit)
+            second = dr.detach(scatter(moving, there, at)[1])
+            stack = stack.push(both, o, d, back.o, back.d, t, weight, back.value, index | _bit(inside, 16) | _bit(moves, 19))
             ray, weight = Ray(dr.detach(at.p), second.direction, index, second.inward), weight * second.weight
-        return ray, weight, back, stack, sums, both
+        return ray, weight, back, stack, sums, moves, both
 
 
 @dataclass(frozen=True)
@@ -241,10 +301,10 @@ class _Chain(_Tree):
 
     edge: Edge
 
-    def arrive(self, ray, weight, back, stack, sums):
+    def arrive(self, ray, weight, back, stack, sums, moves):
         """Trace a ray: go on with the child that the path takes, and at its end differentiate the level function."""
 
-        def onward(ray, weight, back, stack, sums):
+        def onward(ray, weight, back, stack, sums, moves):
             hit = closest_hit(self.scene, ray)
             at = surface(self.scene, ray, hit)
             branches = children(self.scene, ray, at, weight, stack.size + 1, self.limits)
@@ -253,16 +313,16 @@ class _Chain(_Tree):
             nothing, zero = dr.zeros(type(ray.o), dr.width(weight)), dr.zeros(type(weight), dr.width(weight))
             stack = stack.push(child.active, ray.o, ray.d, nothing, nothing, hit.t, weight, zero, links)
             ray = Ray(at.p, child.direction, hit.index, child.inward)
-            return ray, weight * child.weight, back, stack, sums, child.active
+            return ray, weight * child.weight, back, stack, sums, moves, child.active
 
-        def end(ray, weight, back, stack, sums):
+        def end(ray, weight, back, stack, sums, moves):
             moving, there, values = self.attached(ray)
             value, faint = level_function(moving, Arrival(there, weight), self.edge.event, self.limits)
             pull_back(self.seed * (value + faint * weight), dr.ones(type(weight)))
             back = Adjoint(dr.grad(there.o), dr.grad(there.d), dr.detach(self.seed * faint))
-            return ray, weight, back, stack, _added(sums, values), dr.zeros(type(ray.inward), dr.width(weight))
+            return ray, weight, back, stack, _added(sums, values), moves, dr.zeros(type(ray.inward), dr.width(weight))
 
-        state = ray, weight, back, stack, sums
+        state = ray, weight, back, stack, sums, moves
         if not reflects(self.scene):
             return end(*state)
         return dr.if_stmt(state, stack.size < self.edge.path.bounces, onward, end)

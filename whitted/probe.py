@@ -104,7 +104,7 @@ def samples_vjp(
     seed = weight * _gathered(shape, adjoint, pixel)
 
     def walk(scene, sums, wide, ray):
-        return radiance_vjp(scene, sums, wide, ray, seed, limits)
+        return radiance_vjp(scene, sums, wide, ray, seed, limits, moves=bool(reverse.basis))
 
     return reverse.gradients(x, y, walk)
 

@@ -93,7 +93,7 @@ class Scene:
         Raises:
             KeyError: a name that the scene does not have; the message lists the nearest ones.
         """
-        known = self._locations
+        known = self.locations
         _check_names(names, known)
         values = {name: self._read(known[name]) for name in names or known}
         return {name: type(value)(value) for name, value in values.items()}
@@ -110,7 +110,7 @@ class Scene:
             ValueError: a value that is not one scalar, or not one vector, as its parameter is; or that has no meaning: one
                 that is not finite, a radius, index or shininess that is not above 0, a field of view not in (0, 180).
         """
-        known = self._locations
+        known = self.locations
         _check_names(values.keys(), known)
         arrays = {name: _as_parameter(name, value, self._read(known[name])) for name, value in values.items()}
         _check_values(arrays)
@@ -120,7 +120,7 @@ class Scene:
 
     def carrying(self, values: Mapping[str, Array]) -> "Scene":
         """The scene with these arrays for its parameters, unchecked and of any width."""
-        known = self._locations
+        known = self.locations
         fields: dict[tuple[str, int], dict[str, Array]] = {}
         for name, value in values.items():
             kind, position, field = known[name]
@@ -141,11 +141,11 @@ class Scene:
     def _with(self, changes: dict) -> "Scene":
         """A copy with these fields, which has the same parameters."""
         scene = replace(self, **changes)
-        scene.__dict__["_locations"] = self._locations
+        scene.__dict__["locations"] = self.locations
         return scene
 
     @cached_property
-    def _locations(self) -> dict[str, tuple[str, int, str]]:
+    def locations(self) -> dict[str, tuple[str, int, str]]:
         """Parameter name to group, place in the group, field."""
         locations: dict[str, tuple[str, int, str]] = {}
         for kind, fields in PARAMETERS.items():

@@ -163,7 +163,8 @@ def _vjp(
         moving = dr.detach(basis)
         dr.enable_grad(moving)
         ray = sample_ray(View(**moving) if moving else camera, film, x, y, i, j)
-        of_scene, o, d = radiance_vjp(scene, {name: sums[name] for name in wide}, wide, dr.detach(ray), seed, limits)
+        ours = {name: sums[name] for name in wide}
+        of_scene, o, d = radiance_vjp(scene, ours, wide, dr.detach(ray), seed, limits, moves=bool(moving))
         sums = sums | of_scene
         if moving:
             pull_back(dr.dot(ray.o, o) + dr.dot(ray.d, d), dr.ones(real, lanes))
