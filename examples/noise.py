@@ -14,6 +14,6 @@ if __name__ == "__main__":
         random = np.random.default_rng(percent)
         noisy = clean + random.normal(scale=percent / 100, size=clean.shape)
         title = f"Noise of {percent} percent"
-        result, _ = recover(title, truth, start, asked.size, asked.output, target=noisy, plain=False)
+        result, _ = recover(title, truth, start, asked.size, asked.output, target=noisy)
         found = np.array([(value, deviation) for _, value, deviation in result.numbers()])
         print("errors in standard deviations:", np.round((found[:, 0] - numbers(truth, start)) / found[:, 1], 2))
