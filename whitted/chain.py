@@ -9,15 +9,30 @@ from typing import Any
 
 import drjit as dr
 
-from .decisions import decide, mix
+from .decisions import decide, joined, mix
 from .geometry import Array, Ray
 from .scene import Scene, closest_hit
+from .shading import emitted
 from .surface import surface
-from .trace import Branch, Limits, allocate, children, go_on, pack, reflects, start, unpack
+from .trace import (
+    Branch,
+    Limits,
+    allocate,
+    children,
+    go_on,
+    labelled,
+    labelled_radiance,
+    pack,
+    reflects,
+    start,
+    unpack,
+)
 
 # Bounces whose choice between reflection and refraction a path remembers; beyond, where a node has both children, it
 # goes on with the reflected one
 REMEMBERED = 64
+# Bits beside those of `trace.pack`: the ray is on the way to a path's node, or comes after it
+ON, BELOW = 1 << 30, 1 << 31
 
 
 @dataclass
@@ -75,6 +90,42 @@ def follow(scene: Scene, ray: Ray, path: Path, limits: Limits) -> Arrival:
     state = o, d, weight, links, path.bounces > 0
     o, d, weight, links, _ = dr.while_loop(state, lambda *state: state[-1], step, mode="symbolic", label="follow")
     return Arrival(unpack(o, d, links)[0], weight)
+
+
+def contrasted(scene: Scene, ray: Ray, path: Path, limits: Limits) -> tuple[Array, Array]:
+    """Radiance along rays, as far as it may change where the decisions of a path's node flip, and labels.
+
+    What is too faint for an edge is left out unless the light of that node is in it: to both sides of the edge it is the same.
+    """
+    if not reflects(scene):
+        return labelled_radiance(scene, ray, limits)[:2]
+    uint, width = type(ray.source), dr.width(ray)
+    least = limits.visible(scene)
+
+    def node(chain, light, label, stack, active):
+        o, d, weight, links = chain
+        ray, depth = unpack(o, d, links & (ON - 1))
+        at = surface(scene, ray, closest_hit(scene, ray))
+        light = dr.fma(weight, emitted(scene, ray, at), light)
+        branches = children(scene, ray, at, weight, depth, limits)
+        label = labelled(scene, ray, at, weight, [branch.active for branch in branches], label, limits)
+        on = (links & ON) != 0
+        below = ((links & BELOW) != 0) | (on & (depth > path.bounces))
+        _, first = take(branches, turn(path, depth - 1))
+        onward, chains = [], []
+        for branch, taken in zip(branches, (first, ~first), strict=False):
+            passed = weight * branch.weight
+            marks = dr.select(below, BELOW, dr.select(on & taken, uint(ON), 0))
+            onward.append(branch.active & (below | (on & taken) | (dr.abs(passed) >= least[-1])))
+            chains.append((at.p, branch.direction, passed, pack(at.hit.index, branch.inward, depth + 1) | marks))
+        stack, active, chain = go_on(stack, onward, chains)
+        return chain, light, label, stack, active
+
+    chain = (*start(ray), pack(ray.source, ray.inward, dr.ones(uint, width)) | ON)
+    label = tuple(dr.full(uint, 1 + k, width) for k in range(len(least)))
+    state: Any = chain, dr.zeros(type(ray.o), width), label, allocate(scene, limits, chain), dr.ones(type(ray.inward), width)
+    state = dr.while_loop(state, lambda *state: state[-1], node, mode="symbolic", label="contrasted")
+    return state[1], joined(state[2])
 
 
 def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> tuple[Path, Arrival, Arrival, Array]:

@@ -8,14 +8,14 @@ import drjit as dr
 from drjit.llvm import ad
 
 from .camera import View, image_ray
-from .chain import Arrival, Path, follow, strongest_difference
+from .chain import Arrival, Path, contrasted, follow, strongest_difference
 from .decisions import decide, differ, mix
 from .derivative import Edge, level_vjp, pull_back
 from .events import NOTHING, SILHOUETTE, TOTAL, classify, level_function
 from .geometry import Array, Ray
 from .scene import Scene, closest_hit
 from .surface import surface
-from .trace import Limits, children, labelled_radiance
+from .trace import Limits, children
 
 # A level at one end of a segment, relative to the one at the other end, below which the edge is at that end
 ON_SAMPLE = 2.0**-12
@@ -77,6 +77,7 @@ def cross(scene: Scene, camera: View, size: Array, segment: Segment, limits: Lim
     color, label = _both_sides(
         scene,
         lambda k: image_ray(camera, size, *segment.at(along + dr.select(k == 0, -gap, gap))),
+        edge.path,
         type(segment.label_start),
         limits,
     )
@@ -115,11 +116,11 @@ def cross(scene: Scene, camera: View, size: Array, segment: Segment, limits: Lim
     )
 
 
-def _both_sides(scene: Scene, ray_at: Callable[[Array], Ray], kind: type, limits: Limits) -> tuple[tuple, tuple]:
-    """Radiance and labels, of a type, of two rays, numbers 0 and 1."""
+def _both_sides(scene: Scene, ray_at: Callable[[Array], Ray], path: Path, kind: type, limits: Limits) -> tuple[tuple, tuple]:
+    """What two rays, numbers 0 and 1, show of an edge at a path's node, and their labels, of a type."""
 
     def look(k, colors, labels):
-        color, label, _ = labelled_radiance(scene, ray_at(k), limits)
+        color, label = contrasted(scene, ray_at(k), path, limits)
         colors = dr.select(k == 0, color, colors[0]), dr.select(k == 0, colors[1], color)
         labels = dr.select(k == 0, label, labels[0]), dr.select(k == 0, labels[1], label)
         return k + 1, colors, labels

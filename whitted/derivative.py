@@ -52,7 +52,7 @@ def radiance_jvp(scene: Scene, tangents: Parameters, ray: Ray, o_slope: Array, d
     """
     changed = _changed(scene, tangents)
 
-    def light(path, slope, hit):
+    def light(dark, path, slope, hit):
         inputs, moving, ray, _ = _moving(scene, tangents, path, slope)
         value = inputs[2] * emitted(moving, ray, surface(moving, ray, hit))
         push_forward(inputs)
@@ -62,8 +62,11 @@ def radiance_jvp(scene: Scene, tangents: Parameters, ray: Ray, o_slope: Array, d
         inputs, moving, ray, depth = _moving(scene, tangents, path, slope)
         hit = closest_hit(scene, dr.detach(ray))
         moves = dr.any(slope[0] != 0) | dr.any(slope[1] != 0) | (slope[2] != 0)
-        state, moves = (path, slope, hit), _among(changed, hit, moves)
-        result += light(*state) if changed is None else dr.if_stmt(state, moves, light, lambda *_: dr.zeros(type(result)))
+        moves = _among(changed, hit, moves)
+        if changed is None:
+            result += light(dark, path, slope, hit)
+        else:
+            result += dr.if_stmt((dark, path, slope, hit), moves, light, lambda dark, *_: dark)
         at, weight = surface(moving, ray, hit), inputs[2]
         branches = children(moving, ray, at, weight, depth, limits)
         if not branches:
@@ -229,11 +232,13 @@ class _Tree:
     def where(self, moves, differentiated, ray, hit, weight, sums, *more):
         """What a node adds to the adjoint of its ray and to the sums: nothing where the ray does not move."""
 
-        def nothing(ray, hit, weight, sums, *_):
-            return Adjoint(dr.zeros(type(ray.o)), dr.zeros(type(ray.d)), dr.zeros(type(weight))), sums
-
         inputs = ray, hit, weight, sums, *more
-        return differentiated(*inputs) if self.changed is None else dr.if_stmt(inputs, moves, differentiated, nothing)
+        if self.changed is None:
+            return differentiated(*inputs)
+        # Made out here: zeros that only a branch has made, Dr.Jit uses behind it
+        dark = Adjoint(dr.zeros(type(ray.o)), dr.zeros(type(ray.d)), dr.zeros(type(weight)))
+        yes, no = lambda dark, *inputs: differentiated(*inputs), lambda dark, ray, hit, weight, sums, *_: (dark, sums)
+        return dr.if_stmt((dark, *inputs), moves, yes, no)
 
     def light(self, ray, hit, weight, sums):
         """The light of a surface itself."""

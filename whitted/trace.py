@@ -129,15 +129,20 @@ def labelled_radiance(scene: Scene, ray: Ray, limits: Limits) -> tuple[Array, Ar
     return light, joined(halves), nodes
 
 
+def labelled(scene: Scene, ray: Ray, at: Surface, weight: Array, active: list[Array], label: tuple, limits: Limits) -> tuple:
+    """The label's halves with the decisions of a node, whose children are given as whether they are traced."""
+    decided = decide(scene, ray, at, active)
+    halves = zip(limits.visible(scene), label, strict=True)
+    return tuple(dr.select(dr.abs(weight) >= least, mix(part, decided), part) for least, part in halves)
+
+
 def _walk(scene: Scene, ray: Ray, limits: Limits, label: tuple) -> tuple[Array, tuple]:
     """Radiance, and unless they are empty the count of nodes and the label's halves with all nodes' decisions mixed in."""
 
     def look(ray, at, weight, active, label):
         if not label:
             return label
-        decided = decide(scene, ray, at, active)
-        halves = zip(limits.visible(scene), label[1:], strict=True)
-        return label[0] + 1, *(dr.select(dr.abs(weight) >= least, mix(part, decided), part) for least, part in halves)
+        return label[0] + 1, *labelled(scene, ray, at, weight, active, label[1:], limits)
 
     if not reflects(scene):
         at = surface(scene, ray, closest_hit(scene, ray))
