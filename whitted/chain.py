@@ -153,8 +153,9 @@ def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> tuple[
         best = dr.select(differ & (dr.abs(wa) > dr.abs(best[0][2])), pair, best)
         if not paths:
             return pair, stack, best, dr.mask_t(active)(False)
-        # What is too faint for an edge has none below it either
-        onward = [x.active & ~differ & (dr.abs(path[2]) >= limits.faint) for x, path in zip(left, paths, strict=True)]
+        # Below a node all weigh less: where that is too faint for an edge, or than the best so far, there is none of use
+        least = dr.fmax(limits.faint, dr.abs(best[0][2]))
+        onward = [x.active & ~differ & (dr.abs(path[2]) >= least) for x, path in zip(left, paths, strict=True)]
         stack, more, parts = go_on(stack, onward, paths)
         return (parts[:5], parts[5:]), stack, best, more
 
