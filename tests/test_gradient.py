@@ -60,6 +60,17 @@ def test_a_small_weight_counts_up_to_the_silhouette(load, weight):
     assert abs(image.sum() / samples.sum() - 1) < 2e-3
 
 
+def test_a_weight_too_small_for_edges_has_four_times_the_samples(load):
+    room = load(SCENES["all"]).replace({"materials.mirror.reflection": 0.02})
+    edges, samples = (
+        gradient(room, "materials.mirror.reflection", None, spp, boundary=spp == 4, resolution=(16, 12)).numpy()
+        for spp in (4, 16)
+    )
+    np.testing.assert_allclose(edges, samples, rtol=0, atol=1e-12 * abs(samples).max())
+    other = gradient(room, "materials.mirror.reflection", None, 16, resolution=(16, 12)).numpy()
+    assert abs(other - samples).max() > 1e-3 * abs(samples).max()
+
+
 def test_terms_add_up(load):
     room = load(SCENES["all"])
     options = {"max_depth": 2, "resolution": (16, 12)}

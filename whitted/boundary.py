@@ -33,7 +33,8 @@ Its cost follows the number of edges: four trees and some chains of rays for eac
 
 What it leaves to the samples, less of it the more samples a pixel has: edges of nodes that weigh less than FAINT / spp in
 the pixel (`render.py`), and where neighbours differ by less than CONTRAST / spp; edges of an object or a gap that lies
-between two samples of the same label; checkerboards finer than a third of the finer grid's spacing.
+between two samples of the same label; checkerboards finer than a third of the finer grid's spacing. Derivatives by a weight
+below FAINT / spp, for which edges in what it reflects or refracts are such, have four times the samples instead.
 
 Sources: Reynolds transport and edge sampling, T.-M. Li et al., "Differentiable Monte Carlo Ray Tracing through Edge
 Sampling" (2018); discontinuities of programs, S. Bangaru et al., "Systematically Differentiating Parametric

@@ -1,6 +1,6 @@
 """What edges add to a band's pixels, kept for the derivatives of those: in forward and in reverse mode."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields
 from functools import partial
 
@@ -13,12 +13,16 @@ from .chain import Path
 from .derivative import Edge
 from .edges import Extra, deposit, joined, take
 from .events import Event
+from .film import Film
 from .geometry import Array
-from .region import LANES, Band, aligned, chunks, lanes, number, rows
+from .region import FAINT, LANES, Band, aligned, chunks, lanes, number, rows
+from .scene import Shape
+from .trace import Limits
 
 # Names of the fields of an edge's path and event
 PARTS = tuple(tuple(part.name for part in fields(kind)) for kind in (Path, Event))
 TERMS = ("both", "interior", "boundary")
+WEIGHTS = (".reflection", ".refraction")
 
 
 @dataclass(frozen=True)
@@ -42,14 +46,27 @@ class Correction:
     extra: list[Extra] = field(default_factory=list)
     edges: list[Moving] = field(default_factory=list)
 
-    def extras(self, wrt: dict) -> Iterator[tuple[Extra, tuple]]:
+    def seen(self, wrt: dict) -> tuple[dict, dict]:
+        """The parameters `wrt` without weights so small that edges in what they reflect or refract are not found, and those."""
+        least = FAINT / self.band.side**2
+        unseen = {name: value for name, value in wrt.items() if name.endswith(WEIGHTS) and abs(value.numpy()[0]) < least}
+        return {name: value for name, value in wrt.items() if name not in unseen}, unseen
+
+    def regular(self, seen: dict, unseen: dict) -> Iterator[tuple[tuple[Shape, dict, Film, Limits, dict], Array | None]]:
+        """For each kernel call: what it takes first, with parameters among its inputs, and what each sample counts for."""
+        band = self.band
+        for film, names, weights in ((band.inner, seen, self.weights), (band.finer, unseen, None)):
+            if names:
+                yield (band.shape, band.parameters, film, band.limits, names), weights
+
+    def extras(self, wrt: dict) -> Iterator[tuple[Extra, tuple[Shape, dict, Array, Limits]]]:
         """The extra samples, no more at once than a kernel takes, with the inputs that kernels take first."""
-        if not self.extra:
+        if not self.extra or not wrt:
             return
         whole = joined(self.extra)
         order = np.argsort(whole.order, kind="stable")
-        # Derivatives by a weight need rays that have little of it, or none
-        dim = not any(name.endswith((".reflection", ".refraction")) for name in wrt)
+        # Derivatives by a weight need rays that have little of it
+        dim = not any(name.endswith(WEIGHTS) for name in wrt)
         for part in chunks(len(order), LANES):
             extra = take(whole, order[part])
             yield extra, self.band.leaving_out_dim(extra.beside & dim)
@@ -57,16 +74,17 @@ class Correction:
     def tangent(self, wrt: dict, tangents: dict, terms: str) -> Array:
         """The pixels' derivative along the tangents of the parameters `wrt`."""
         band = self.band
+        pixels = aligned(np.zeros(1, number(band.real)), band.rows * band.resolution[0] * 3)
+        image = pixels.numpy()
         if terms != "boundary":
-            inputs = band.shape, band.parameters, band.inner, band.limits, wrt, tangents
-            pixels = wavefront.image_jvp(*inputs, self.weights)
-            image = pixels.numpy()
-            for extra, inputs in self.extras(wrt):
-                slope = probe.samples_jvp(*inputs, wrt, tangents, *band.lanes(extra.x, extra.y))
+            seen, unseen = self.seen(wrt)
+            for first, weights in self.regular(seen, unseen):
+                slopes = {name: tangents[name] for name in first[-1]}
+                image += wavefront.image_jvp(*first, slopes, weights).numpy()
+            for extra, inputs in self.extras(seen):
+                slopes, (x, y) = {name: tangents[name] for name in seen}, band.lanes(extra.x, extra.y)
+                slope = probe.samples_jvp(*inputs, seen, slopes, x, y)
                 deposit(image, extra.pixel, *(rows(slope, slice(len(extra.x))) * extra.weight))
-        else:
-            pixels = aligned(np.zeros(1, number(band.real)), band.rows * band.resolution[0] * 3)
-            image = pixels.numpy()
         if terms != "interior":
             for edges in self.edges:
                 x, y = band.lanes(edges.x, edges.y)
@@ -76,14 +94,15 @@ class Correction:
 
     def adjoint(self, wrt: dict, image: Array, terms: str) -> dict:
         """The derivatives of dot(image, pixels) by the parameters `wrt`."""
-        band, calls = self.band, []
+        band = self.band
+        calls: list[Callable[[], dict]] = []
         # All inputs come first: making one waits for the kernels before it
         if terms != "boundary":
-            inputs = band.shape, band.parameters, band.inner, band.limits, wrt, image
-            calls.append(partial(wavefront.image_vjp, *inputs, self.weights))
-            for extra, inputs in self.extras(wrt):
-                sample = band.lanes(_unsigned(extra.pixel), extra.weight, extra.x, extra.y)
-                calls.append(partial(probe.samples_vjp, *inputs, wrt, image, *sample))
+            seen, unseen = self.seen(wrt)
+            calls += [partial(wavefront.image_vjp, *first, image, weights) for first, weights in self.regular(seen, unseen)]
+            for extra, inputs in self.extras(seen):
+                pixel, weight, x, y = band.lanes(_unsigned(extra.pixel), extra.weight, extra.x, extra.y)
+                calls.append(partial(probe.samples_vjp, *inputs, seen, image, pixel, weight, x, y))
         if terms != "interior":
             for edges in self.edges:
                 changed = ad.Array2u(*band.lanes(*_unsigned(edges.pixel)))
@@ -92,7 +111,8 @@ class Correction:
                 moving = changed, change, band.color(edges.jump), *place, _edge(edges.edge)
                 calls.append(partial(probe.levels_vjp, *band.inputs, wrt, image, *moving))
         parts = [call() for call in calls]
-        return {name: sum((part[name] for part in parts), start=dr.zeros(type(value))) for name, value in wrt.items()}
+        zero = {name: dr.zeros(type(value)) for name, value in wrt.items()}
+        return {name: sum((part[name] for part in parts if name in part), start=zero[name]) for name in wrt}
 
 
 def _unsigned(pixel: np.ndarray) -> np.ndarray:

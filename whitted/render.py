@@ -19,7 +19,7 @@ from .boundary import correct
 from .correction import TERMS, Correction
 from .film import Film, band
 from .geometry import Array
-from .region import Band
+from .region import FAINT, Band
 from .scene import MAX_DEPTH, Scene, Shape
 from .trace import Limits
 
@@ -29,8 +29,6 @@ MAX_SPP = 1 << 16
 # Dr.Jit's frozen functions cannot be entered by two threads at once; derivatives are for one thread at a time, as Dr.Jit's
 # own work on them in another thread can wait for what waits for it
 LOCK = threading.RLock()
-# Edges that weigh less in a pixel are left to the samples, of which there are `side` along a pixel's side
-FAINT = 1 / 8
 
 
 def render(
