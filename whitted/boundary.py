@@ -29,7 +29,7 @@ The method, on the regular grid of samples with spacing h:
 6. A pixel with three labels or more around it has edges that meet or crowd. It is sampled anew, two or four times as
    finely, with the same method (adaptive subdivision: Whitted 1980).
 
-Its cost follows the number of edges: four trees and some chains of rays for each.
+Its cost follows the number of edges: for each some chains of rays, and of four trees what weighs enough to have an edge.
 
 What it leaves to the samples, less of it the more samples a pixel has: edges of nodes that weigh less than FAINT / spp in
 the pixel (`render.py`), and where neighbours differ by less than CONTRAST / spp; edges of an object or a gap that lies
