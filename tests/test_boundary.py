@@ -157,6 +157,14 @@ KINDS = {
         0,
         0.10,
     ),
+    "total reflection of a ray that is too faint before": (
+        "max_depth = 3\nmin_importance = 0.04\n" + SKY_LIGHT
+        + AHEAD.replace("[0, 0, 4]", "[0.69, 0, 0]").replace("[0, 0, 0]", "[0.69, 0.1, -1]") + FRESNEL
+        + ball([0, 0, 0], 1, "fresnel"),
+        "materials.fresnel.ior",
+        0,
+        0.10,
+    ),
     "least importance": (
         "min_importance = 0.2\n" + SKY_LIGHT + AHEAD + FRESNEL + ball([0, 0, 0], 1.2, "fresnel"),
         "materials.fresnel.ior",
@@ -177,6 +185,36 @@ def test_kind_of_edge(load, kind):
     assert image_error(derivative(loaded, name, component, spp=16), reference) < bound
     # So that this could fail: samples alone are far off
     assert image_error(derivative(loaded, name, component, spp=16, boundary=False), reference) > 2 * bound
+
+
+@pytest.mark.parametrize(("depth", "spp"), [(4, 1), (6, 1), (8, 4)])
+def test_edges_close_to_a_rim_are_seen_from_either_side(load, depth, spp):
+    """The transmitted ray has no weight at the rim, and much at the next sample: over a floor at its lower end, or its upper."""
+    air = material("air", reflection=1.0, refraction=1.0, ior=1.0, fresnel="true")
+    shell = ball([0, 0, 0], 1.1, "fresnel") + ball([0, 0, 0], 1.05, "air")
+    images = []
+    for up in (1, -1):
+        text = f"max_depth = {depth}\n" + GLOW + SKY_LIGHT + AHEAD + FRESNEL + air + RED + shell + wall([0, up, 0], 1.5, "red")
+        images.append(derivative(load(text), "spheres.sphere0.radius", spp=spp))
+    assert image_error(np.flipud(images[1]), images[0]) < 1e-6
+
+
+@pytest.mark.parametrize("spp", [1, 4, 16])
+@pytest.mark.parametrize("name", ["camera.position", "camera.look_at"])
+def test_tiles_too_small_to_be_seen_count_as_their_mean(load, name, spp):
+    """Under a bright sky, whose edge is found behind any number of tiles.
+
+    There its jump is seen with one tile's color or the other's, in 32 columns by 4 times spp samples at least: the mean of 128
+    is uncertain by 0.35 / sqrt(128), 2 % of the jump.
+    """
+    ahead = "[camera]\nposition = [0.1, 0, 4]\nlook_at = [0.37, -0.05, 0]\nfov = 6\nresolution = [32, 8]\n"
+    tiles = material("floor", color=[0.9, 0.1, 0.2], checker="{ color = [0.1, 0.8, 0.7], size = 0.02 }")
+    floors = tiles, material("floor", color=[0.5, 0.45, 0.45])
+    texts = [GLOW + "background = [2, 2, 2]\n" + ahead + floor + wall([0, 1, 0], 1.1, "floor") for floor in floors]
+    small, mean = (derivative(load(text), name, 1, spp=spp).sum(1) for text in texts)
+    np.testing.assert_allclose(small, mean, atol=0.04 * abs(mean).max())
+    # Below the horizon nothing is left of single tiles
+    assert abs(small[4:]).max() < 0.005 * abs(mean).max()
 
 
 def test_checker_catches_one_percent(load):

@@ -33,7 +33,8 @@ Its cost follows the number of edges: for each some chains of rays, and of four 
 
 What it leaves to the samples, less of it the more samples a pixel has: edges of nodes that weigh less than FAINT / spp in
 the pixel (`render.py`), and where neighbours differ by less than CONTRAST / spp; edges of an object or a gap that lies
-between two samples of the same label; checkerboards finer than a third of the finer grid's spacing. Derivatives by a weight
+between two samples of the same label; checkerboards where several cells lie between two samples. Those fade out as cells get
+smaller (`crossing.py`): were they to end at once, the last edge would lack the one that cancels it. Derivatives by a weight
 below FAINT / spp, for which edges in what it reflects or refracts are such, have four times the samples instead.
 
 Sources: Reynolds transport and edge sampling, T.-M. Li et al., "Differentiable Monte Carlo Ray Tracing through Edge

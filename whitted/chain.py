@@ -9,7 +9,7 @@ from typing import Any
 
 import drjit as dr
 
-from .decisions import decide, joined, mix
+from .decisions import decide, flips, joined
 from .geometry import Array, Ray
 from .scene import Scene, closest_hit
 from .shading import emitted
@@ -144,18 +144,19 @@ def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> tuple[
         at, to = surface(scene, ray, closest_hit(scene, ray)), surface(scene, other, closest_hit(scene, other))
         left, right = children(scene, ray, at, wa, depth, limits), children(scene, other, to, wb, depth, limits)
         decided = [decide(scene, w, x, [z.active for z in y]) for w, x, y in ((ray, at, left), (other, to, right))]
-        differ = (mix(uint(0), decided[0]) != mix(uint(0), decided[1])) & (dr.abs(wa) >= limits.faint)
+        weight = heavier(wa, wb)
+        differ = flips(*decided) & (weight >= limits.faint)
         paths = []
         for k, (x, y) in enumerate(zip(left, right, strict=True)):
             turned = turns | (long(1) << dr.minimum(long(depth - 1), REMEMBERED - 1)) if k else turns
             one = at.p, x.direction, wa * x.weight, pack(at.hit.index, x.inward, depth + 1), turned
             paths.append((*one, to.p, y.direction, wb * y.weight))
-        best = dr.select(differ & (dr.abs(wa) > dr.abs(best[0][2])), pair, best)
+        best = dr.select(differ & (weight > heavier(best[0][2], best[1][2])), pair, best)
         if not paths:
             return pair, stack, best, dr.mask_t(active)(False)
         # Below a node all weigh less: where that is too faint for an edge, or than the best so far, there is none of use
-        least = dr.fmax(limits.faint, dr.abs(best[0][2]))
-        onward = [x.active & ~differ & (dr.abs(path[2]) >= least) for x, path in zip(left, paths, strict=True)]
+        least = dr.fmax(limits.faint, heavier(best[0][2], best[1][2]))
+        onward = [x.active & ~differ & (heavier(path[2], path[7]) >= least) for x, path in zip(left, paths, strict=True)]
         stack, more, parts = go_on(stack, onward, paths)
         return (parts[:5], parts[5:]), stack, best, more
 
@@ -163,7 +164,10 @@ def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> tuple[
     ob, db, wb = start(b)
     links = pack(a.source, a.inward, dr.ones(uint, dr.width(oa)))
     pair: Any = (oa, da, wa, links, dr.zeros(long, dr.width(oa))), (ob, db, wb)
-    none: Any = (oa + 0, da + 0, dr.zeros(type(wa), dr.width(oa)), links + 0, pair[0][4] + 0), (ob + 0, db + 0, wb + 0)
+    none: Any = (
+        (oa + 0, da + 0, dr.zeros(type(wa), dr.width(oa)), links + 0, pair[0][4] + 0),
+        (ob + 0, db + 0, dr.zeros(type(wb), dr.width(ob))),
+    )
     state = pair, allocate(scene, limits, (*pair[0], *pair[1])), none, dr.ones(type(a.inward), dr.width(oa))
     if reflects(scene):
         state = dr.while_loop(state, lambda *state: state[-1], node, mode="symbolic", label="strongest_difference")
@@ -172,4 +176,9 @@ def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> tuple[
     (oa, da, wa, links, turns), (ob, db, wb) = state[2]
     ray, depth = unpack(oa, da, links)
     path = Path(depth - 1, turns)
-    return path, Arrival(ray, wa), Arrival(Ray(ob, db, ray.source, ray.inward), wb), wa != 0
+    return path, Arrival(ray, wa), Arrival(Ray(ob, db, ray.source, ray.inward), wb), heavier(wa, wb) > 0
+
+
+def heavier(a: Array, b: Array) -> Array:
+    """The larger one of two weights: between a silhouette and a sample it may be that of the one or the other."""
+    return dr.fmax(dr.abs(a), dr.abs(b))

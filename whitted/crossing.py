@@ -8,13 +8,13 @@ import drjit as dr
 from drjit.llvm import ad
 
 from .camera import View, image_ray
-from .chain import Arrival, Path, contrasted, follow, strongest_difference
-from .decisions import decide, differ, mix
-from .derivative import Edge, level_vjp, pull_back
-from .events import NOTHING, SILHOUETTE, TOTAL, classify, level_function
+from .chain import Arrival, Path, contrasted, follow, heavier, strongest_difference
+from .decisions import Decisions, decide, differ, flips
+from .derivative import Edge, level_jvp, push_forward
+from .events import CELL, NOTHING, SILHOUETTE, TOTAL, classify, level_function
 from .geometry import Array, Ray
 from .scene import Scene, closest_hit
-from .surface import surface
+from .surface import checkers, surface
 from .trace import Limits, children
 
 # A level at one end of a segment, relative to the one at the other end, below which the edge is at that end
@@ -24,6 +24,10 @@ SLIGHT = 0.3
 # Halvings of a segment before its event is told from what lies at its ends, and most steps to the level function's root
 HALVINGS = 1
 STEPS = 20
+# Cells of a checkerboard from one sample to the next, up to which their edges count in full, and from which not at all,
+# and how many cells away all that is so; at half that distance it is not at all
+FINE, FINEST = 1, 6
+FAR = 16
 
 
 @dataclass
@@ -69,7 +73,8 @@ class Crossing:
 
 def cross(scene: Scene, camera: View, size: Array, segment: Segment, limits: Limits) -> Crossing:
     """Find an edge in a segment, and look at both its sides."""
-    along, slope, across, edge, reach = _locate(scene, camera, size, segment, limits)
+    along, edge, reach = _locate(scene, camera, size, segment, limits)
+    slope, across, counts = _slopes(scene, camera, size, segment, along, limits, edge)
     single = type(along) is ad.Float
     valid = (edge.event.kind != NOTHING) & dr.isfinite(along) & dr.isfinite(slope) & dr.isfinite(across) & (slope != 0)
     ulp = (2.0**-23 if single else 2.0**-52) * dr.fmax(size.x, size.y)
@@ -81,7 +86,7 @@ def cross(scene: Scene, camera: View, size: Array, segment: Segment, limits: Lim
         type(segment.label_start),
         limits,
     )
-    found = valid & differ(*label)
+    found = valid & (counts > 0) & differ(*label)
 
     rooted = (edge.event.kind == SILHOUETTE) | (edge.event.kind == TOTAL)
 
@@ -95,9 +100,9 @@ def cross(scene: Scene, camera: View, size: Array, segment: Segment, limits: Lim
     straight = dr.fmin(past, 0)
     a = dr.select(dr.abs(past) < tilt, -(tilt - past) * (tilt - past) / (4 * tilt), straight)
     vector = type(size)
-    moved = vector(a, past - a) * (weight * segment.length)
+    moved = vector(a, past - a) * (counts * weight * segment.length)
     share = dr.fmin(dr.fmax(0.5 - past / (2 * tilt), 0), 1)
-    change = vector(share, 1 - share) * (-segment.length * weight / slope)
+    change = vector(share, 1 - share) * (-segment.length * counts * weight / slope)
     return Crossing(
         found=found,
         along=along,
@@ -132,14 +137,13 @@ def _both_sides(scene: Scene, ray_at: Callable[[Array], Ray], path: Path, kind: 
     return dr.while_loop(state, lambda k, *_: k < 2, look, mode="symbolic", label="sides")[1:]
 
 
-def _locate(scene: Scene, camera: View, size: Array, segment: Segment, limits: Limits) -> tuple[Array, Array, Array, Edge, Array]:
+def _locate(scene: Scene, camera: View, size: Array, segment: Segment, limits: Limits) -> tuple[Array, Edge, Array]:
     """Find an edge in a segment, at the node of the largest weight that has one.
 
     Where none is found, for example because a second edge hides it, the event is `NOTHING`.
 
     Returns:
-        Its distance from a, the slopes of its level function along the segment and across it, per pixel, what it is, and
-        the weight of its node.
+        Its distance from a, what it is, and the weight of its node.
     """
 
     def ray_at(along: Array) -> Ray:
@@ -164,15 +168,35 @@ def _locate(scene: Scene, camera: View, size: Array, segment: Segment, limits: L
     event.kind = dr.select(crossed, event.kind, NOTHING)
     edge = Edge(path, event)
 
-    # The level function's slope in the image
-    x, y = dr.detach(segment.at(along))
-    dr.enable_grad(x, y)
-    ray = image_ray(camera, size, x, y)
-    one = dr.ones(type(along), dr.width(along))
-    _, o, d = level_vjp(scene, {}, {}, dr.detach(ray), one, limits, edge)
-    pull_back(dr.dot(ray.o, o) + dr.dot(ray.d, d), one)
-    right, down = dr.grad(x), dr.grad(y)
-    return along, dr.select(segment.vertical, down, right), dr.select(segment.vertical, right, down), edge, dr.abs(a.weight)
+    return along, edge, heavier(a.weight, b.weight)
+
+
+def _slopes(
+    scene: Scene, camera: View, size: Array, segment: Segment, along: Array, limits: Limits, edge: Edge
+) -> tuple[Array, Array, Array]:
+    """The slopes of an edge's level function along its segment and across it, per pixel, and how much of the edge counts."""
+    slopes = []
+    for axis in range(2):
+        place = dr.detach(segment.at(along))
+        dr.enable_grad(place[axis])
+        ray = image_ray(camera, size, *place)
+        dr.set_grad(place[axis], 1)
+        push_forward(place[axis])
+        slopes.append((dr.grad(ray.o), dr.grad(ray.d)))
+    ((right, *board_right), (down, *board_down)), away = level_jvp(scene, {}, dr.detach(ray), slopes, limits, edge)
+    counts = type(along)(1)
+    if checkers(scene):
+        cells = [dr.abs(slope) * segment.length for slope in (*board_right, *board_down)]
+        most = dr.fmax(dr.fmax(*cells[:2]), dr.fmax(*cells[2:]))
+        counts = dr.select(edge.event.kind == CELL, 1 - _smooth_step(FINE, FINEST, most) * _smooth_step(FAR / 2, FAR, away), 1)
+    vertical = segment.vertical
+    return dr.select(vertical, down, right), dr.select(vertical, right, down), counts
+
+
+def _smooth_step(low: float, high: float, x: Array) -> Array:
+    """0 up to low, 1 from high on, smooth in between."""
+    t = dr.fmin(dr.fmax((x - low) / (high - low), 0), 1)
+    return t * t * (3 - 2 * t)
 
 
 def _bisect(
@@ -180,17 +204,17 @@ def _bisect(
 ) -> tuple:
     """Close in on the first flip of the node's decisions: a smaller segment, and the arrivals at its ends."""
 
-    def label(arrival: Arrival) -> Array:
+    def decided(arrival: Arrival) -> Decisions:
         at = surface(scene, arrival.ray, closest_hit(scene, arrival.ray))
         branches = children(scene, arrival.ray, at, arrival.weight, path.bounces + 1, limits)
-        return mix(type(at.hit.index)(0), decide(scene, arrival.ray, at, [branch.active for branch in branches]))
+        return decide(scene, arrival.ray, at, [branch.active for branch in branches])
 
-    own = label(a)
+    own = decided(a)
 
     def halve(i, low, high, a, b):
         middle = (low + high) / 2
         there = follow(scene, ray_at(middle), path, limits)
-        same = label(there) == own
+        same = ~flips(own, decided(there))
         low, high = dr.select(same, middle, low), dr.select(same, high, middle)
         return i + 1, low, high, dr.select(same, there, a), dr.select(same, b, there)
 

@@ -16,10 +16,13 @@ import drjit as dr
 import numpy as np
 
 from .geometry import Array, Ray
+from .optics import transmission
 from .scene import PointLight, Scene
 from .shading import blinn_phong, incident
-from .surface import Surface, any_of, checkers, lookup, on_plane
+from .surface import Surface, any_of, checkers, lookup, on_plane, relative_index
 
+# Cells of a checkerboard between two samples beyond which their edges are left to the samples
+CELLS = 3
 # A highlight below this part of its light has no edge where it ends
 GLINT = 1e-3
 
@@ -31,12 +34,19 @@ class Decisions:
     cell: tuple[Array, ...]  # Int: column and row of the checkerboard, nothing in a scene without one
     lights: tuple[Array, ...]  # Bool for each light: something keeps it away
     children: tuple[Array, ...]  # Bool for each child: it is traced
+    total: tuple[Array, ...]  # Bool: internal reflection is total; nothing in a scene without glass
 
 
 def decide(scene: Scene, ray: Ray, at: Surface, children: list[Array]) -> Decisions:
     """The decisions at a node, at which a ray arrives; its children are given as whether they are traced."""
     lights = tuple(_darkens(scene, ray, at, light) for light in scene.lights)
-    return Decisions(at.hit.index, at.hit.inside, _cell(scene, at), lights, tuple(children))
+    return Decisions(at.hit.index, at.hit.inside, _cell(scene, at), lights, tuple(children), _total(scene, ray, at))
+
+
+def _total(scene: Scene, ray: Ray, at: Surface) -> tuple[Array, ...]:
+    if not any(scene.may(material, "refraction") for material in scene.used):
+        return ()
+    return (transmission(dr.fmax(-dr.dot(at.n, ray.d), 0), relative_index(scene, at))[1],)
 
 
 def _cell(scene: Scene, at: Surface) -> tuple[Array, ...]:
@@ -65,9 +75,23 @@ def _darkens(scene: Scene, ray: Ray, at: Surface, light: PointLight) -> Array:
     return dark
 
 
+def flips(here: Decisions, there: Decisions) -> Array:
+    """Whether a node decides differently for two rays, with an edge in between that can be found."""
+    different = here.index != there.index
+    for x, y in zip(_flags(here), _flags(there), strict=True):
+        different |= x != y
+    for x, y in zip(here.cell, there.cell, strict=True):
+        different |= (x != y) & (dr.abs(x - y) <= CELLS)
+    return different
+
+
+def _flags(decisions: Decisions) -> tuple[Array, ...]:
+    return decisions.inside, *decisions.children, *decisions.total, *decisions.lights
+
+
 def mix(label: Array, decisions: Decisions) -> Array:
     """A label with the decisions of one more node hashed in (the mixing steps are MurmurHash3's, A. Appleby 2011)."""
-    flags = [decisions.inside, *decisions.children, *decisions.lights]
+    flags = _flags(decisions)
     words = [decisions.index, *(type(label)(cell) for cell in decisions.cell)]
     for first in range(0, len(flags), 32):
         word = type(label)(0)

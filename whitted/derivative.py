@@ -8,14 +8,14 @@ adjoints of its ray and the light that it saw. No intermediate image is stored, 
 These are derivatives of samples; what moves with an edge is not in them.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
 
 from .chain import Arrival, Path, take, turn
-from .events import Event, level_function
+from .events import Event, level_function, place
 from .geometry import Array, Ray
 from .scene import Hit, Scene, closest_hit
 from .shading import emitted
@@ -89,30 +89,46 @@ def radiance_jvp(scene: Scene, tangents: Parameters, ray: Ray, o_slope: Array, d
 
 
 def level_jvp(
-    scene: Scene, tangents: Parameters, ray: Ray, o_slope: Array, d_slope: Array, limits: Limits, edge: "Edge"
-) -> Array:
-    """The derivative of the level function of an event at the end of a chain, like `radiance_jvp`."""
+    scene: Scene, tangents: Parameters, ray: Ray, slopes: Sequence[tuple], limits: Limits, edge: "Edge"
+) -> tuple[list[tuple], Array]:
+    """The derivatives of the level function of an event at the end of a chain, in several directions (forward mode).
 
-    def bounce(path, slope, active):
-        inputs, moving, ray, depth = _moving(scene, tangents, path, slope)
-        at = surface(moving, ray, closest_hit(scene, dr.detach(ray)))
-        child, _ = take(children(moving, ray, at, inputs[2], depth, limits), turn(edge.path, depth - 1))
-        outputs = at.p, child.direction, inputs[2] * child.weight
-        push_forward(inputs)
+    Args:
+        slopes: for each direction, tangents of the rays' origins and directions; others are as for `radiance_jvp`.
+
+    Returns:
+        For each direction the derivatives of the level function and of the column and the row of a checkerboard there, and
+        how far that is away (`events.place`).
+    """
+
+    def bounce(path, slopes, active):
+        moved = []
+        # What does not depend on the direction, Dr.Jit computes once
+        for slope in slopes:
+            inputs, moving, ray, depth = _moving(scene, tangents, path, slope)
+            at = surface(moving, ray, closest_hit(scene, dr.detach(ray)))
+            child, _ = take(children(moving, ray, at, inputs[2], depth, limits), turn(edge.path, depth - 1))
+            outputs = at.p, child.direction, inputs[2] * child.weight
+            push_forward(inputs)
+            moved.append(tuple(dr.grad(x) for x in outputs))
         link = pack(at.hit.index, child.inward, depth + 1)
-        return (*dr.detach(outputs), link), tuple(dr.grad(x) for x in outputs), child.active & (depth < edge.path.bounces)
+        return (*dr.detach(outputs), link), moved, child.active & (depth < edge.path.bounces)
 
     width = dr.width(ray)
     path = (*start(ray), pack(ray.source, ray.inward, dr.ones(type(ray.source), width)))
     dark = dr.zeros(type(ray.o), width)
-    state: Any = path, (o_slope + dark, d_slope + dark, dr.zeros(type(ray.o.x), width)), edge.path.bounces > 0
+    state: Any = path, [(o + dark, d + dark, dr.zeros(type(ray.o.x), width)) for o, d in slopes], edge.path.bounces > 0
     if reflects(scene):
         state = dr.while_loop(state, lambda *state: state[-1], bounce, mode="symbolic", label="level_jvp")
-    inputs, moving, ray, _ = _moving(scene, tangents, *state[:2])
-    value, faint = level_function(moving, Arrival(ray, inputs[2]), edge.event, limits)
-    value += faint * inputs[2]
-    push_forward(inputs)
-    return dr.grad(value)
+    results = []
+    for slope in state[1]:
+        inputs, moving, ray, _ = _moving(scene, tangents, state[0], slope)
+        value, faint = level_function(moving, Arrival(ray, inputs[2]), edge.event, limits)
+        column, row, away = place(moving, ray, edge.event)
+        outputs = value + faint * inputs[2], column, row
+        push_forward(inputs)
+        results.append(tuple(dr.grad(x) for x in outputs))
+    return results, away
 
 
 def _moving(scene: Scene, tangents: Parameters, path: tuple, slope: tuple) -> tuple:

@@ -17,16 +17,13 @@ from dataclasses import dataclass
 import drjit as dr
 
 from .chain import Arrival
-from .decisions import Decisions, decide
+from .decisions import CELLS, Decisions, decide
 from .geometry import NONE, Array, Plane, Ray, Sphere, chord, level, plane_distance, sphere_blocks, sphere_distance
 from .optics import transmission
 from .scene import Hit, Scene, closest_hit, starts_on
 from .shading import incident
 from .surface import Surface, checkers, on_plane, relative_index, surface
 from .trace import Limits, children, refracts, scatter
-
-# Cells of a checkerboard between two samples beyond which their edges are left to the samples
-CELLS = 3
 
 NOTHING, SILHOUETTE, CREASE, SHADOW, TERMINATOR, CELL, TOTAL, FAINT = range(8)
 
@@ -84,9 +81,8 @@ def classify(scene: Scene, a: Arrival, b: Arrival, depth: Array, limits: Limits)
     # What comes last overrides what comes before: from the faintest event of a node to the strongest
     for k, (x, y) in enumerate(zip(here.children, there.children, strict=True)):
         _set(event, x != y, FAINT, other=uint(k))
-    if refracts(scene):
-        totals = [_cos_squared(scene, x.ray, surf) > 0 for x, surf in ((a, at), (b, to))]
-        _set(event, (event.kind == FAINT) & (totals[0] != totals[1]), TOTAL)
+    for x, y in zip(here.total, there.total, strict=True):
+        _set(event, x != y, TOTAL)
     for k, (x, y) in reversed(list(enumerate(zip(here.lights, there.lights, strict=True)))):
         _classify_light(scene, event, x != y, k, at, to)
     for axis, (x, y) in enumerate(zip(here.cell, there.cell, strict=True)):
@@ -170,3 +166,14 @@ def level_function(scene: Scene, arrival: Arrival, event: Event, limits: Limits)
         faint = dr.select(event.kind == FAINT, faint * dr.sign(dr.detach(faint * arrival.weight)), 0)
         value = dr.select(event.kind == FAINT, -limits.importance, value)
     return value, faint
+
+
+def place(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array, Array]:
+    """Column and row of an event's checkerboard where a ray meets it, and its distance, all in cells; 0 where there is none."""
+    t = dr.detach(_distance(scene, ray, event.on, event.inside))
+    p = surface(scene, ray, Hit(t, event.on, event.inside)).p
+    column = row = away = type(t)(0)
+    for k, board, size in checkers(scene):
+        here, (u, v) = event.on == k, on_plane(p, dr.detach(board.normal))
+        column, row, away = (dr.select(here, new / size, old) for new, old in ((u, column), (v, row), (t, away)))
+    return column, row, away

@@ -62,7 +62,9 @@ def levels_jvp(
 ) -> Array:
     """The derivative of edges' level functions at image positions along the tangents of the parameters `wrt`."""
     scene, slopes, ray_at = _moving(shape, parameters, size, wrt, tangents)
-    return _in_lanes(x, level_jvp(scene, slopes, *ray_at(x, y), limits, edge))
+    ray, o, d = ray_at(x, y)
+    ((slope, *_),), _ = level_jvp(scene, slopes, ray, [(o, d)], limits, edge)
+    return _in_lanes(x, slope)
 
 
 def _moving(shape: Shape, parameters: dict, size: Array, wrt: dict, tangents: dict) -> tuple[Scene, dict, RayAt]:
