@@ -73,7 +73,7 @@ from .edges import (
     walk_order,
 )
 from .geometry import Array
-from .region import LANES, SAMPLES, Band, chunks, number, rows
+from .region import LANES, SAMPLES, Band, chunks, fetched, number, rows
 
 # Edges between samples that differ less, relative to the brighter one and for one sample a pixel, are left to the samples
 CONTRAST = 1 / 32
@@ -155,7 +155,7 @@ class _Search:
         """The finer samples with radiance and labels; pixels get their mean."""
         if not traced:
             return []
-        colors = np.concatenate([rows(color, slice(None)) for color, _ in traced], 1).T
+        colors = np.concatenate([fetched(color) for color, _ in traced], 1).T
         labels = np.concatenate([label.numpy() for _, label in traced])
         result, number, done = [], self.samples.labels.size, 0
         for group, places in fine:
@@ -165,7 +165,7 @@ class _Search:
             every = group.counted(np.arange(label.size))
             label, color = label.take(every), color.take(every, 0)
             result.append(replace(group, labels=label.reshape(shape), colors=color, first=number))
-            mean = color.reshape(*shape, 4)[:, 1:-1, 1:-1, :3].mean((1, 2))
+            mean = color.reshape(*shape, 4)[:, 1:-1, 1:-1, :3].reshape(shape[0], -1, 3).mean(1)
             self.image.reshape(-1, 3)[group.pixel.reshape(shape)[:, 1, 1]] = mean
             number, done = number + group.labels.size, done + len(places)
         return result
@@ -195,7 +195,7 @@ class _Search:
             move = Moves(pair + first, pairs.pixel.take(pair, 1), rows(crossing.moved, lane), jump)
             self.moves.setdefault(round, []).append(move)
             if self.keep:
-                along, *kept = (getattr(crossing, name).numpy().take(lane) for name in ("along", "weight", "rising", "singular"))
+                along, *kept = (getattr(crossing, name).take(lane) for name in ("along", "weight", "rising", "singular"))
                 groups.append(Crossings(pair, along, jump, rows(crossing.change, lane), *kept))
                 edges.append(numbers_of(crossing.edge, lane))
         if any(groups):
@@ -230,22 +230,30 @@ class _Search:
 
 
 def _rounds(band: Band, pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray, Crossing]]:
-    """Edges between pairs of samples, and then those in what is left of the segments: each one's pair, and its lane."""
+    """Edges between pairs of samples, and then those in what is left of the segments: each one's pair, and its lane.
+
+    The crossings' arrays are NumPy's. While they are used, those of the next round are already being computed.
+    """
+
+    def search(pair: np.ndarray, *rest: np.ndarray) -> Crossing:
+        line = pairs.x, pairs.y, pairs.vertical, pairs.length
+        return probe.crossings(*band.inputs, Segment(*band.lanes(*(value.take(pair) for value in line), *rest)))
+
     pair, start, stop, ends = np.arange(len(pairs)), np.zeros(len(pairs)), pairs.length, pairs.label
-    line = pairs.x, pairs.y, pairs.vertical, pairs.length
-    for _ in range(ROUNDS if band.side > 1 else ROUNDS // 3):
-        n = len(pair)
-        if not n:
+    rounds = ROUNDS if band.side > 1 else ROUNDS // 3
+    following = search(pair, start, stop, *ends) if len(pair) else None
+    for left_over in reversed(range(rounds)):
+        if following is None:
             return
-        segment = Segment(*band.lanes(*(value.take(pair) for value in line), start, stop, *ends))
-        crossing = probe.crossings(*band.inputs, segment)
-        lane = np.flatnonzero(crossing.found.numpy()[:n])
-        yield pair.take(lane), lane, crossing
+        crossing, here, n = fetched(following), pair, len(pair)
 
         # What is left of the segment on either side
-        left, right = (np.flatnonzero(value.numpy()[:n]) for value in (crossing.more_before, crossing.more_behind))
-        along, gap = crossing.along.numpy(), crossing.gap.numpy()
-        before, behind = crossing.label_before.numpy(), crossing.label_behind.numpy()
+        left, right = np.flatnonzero(crossing.more_before[:n]), np.flatnonzero(crossing.more_behind[:n])
+        along, gap, before, behind = crossing.along, crossing.gap, crossing.label_before, crossing.label_behind
         ends = np.stack([np.concatenate([ends[0, left], behind[right]]), np.concatenate([before[left], ends[1, right]])])
         start, stop = np.concatenate([start[left], (along + gap)[right]]), np.concatenate([(along - gap)[left], stop[right]])
-        pair = np.concatenate([pair[left], pair[right]])
+        pair = np.concatenate([here[left], here[right]])
+        following = search(pair, start, stop, *ends) if left_over and len(pair) else None
+
+        lane = np.flatnonzero(crossing.found[:n])
+        yield here.take(lane), lane, crossing

@@ -15,7 +15,7 @@ from .edges import Extra, deposit, joined, take
 from .events import Event
 from .film import Film
 from .geometry import Array
-from .region import FAINT, LANES, Band, aligned, chunks, lanes, number, rows
+from .region import FAINT, LANES, Band, aligned, chunks, fetched, lanes, number, rows
 from .scene import Shape
 from .trace import Limits
 
@@ -84,7 +84,7 @@ class Correction:
             for extra, inputs in self.extras(seen):
                 slopes, (x, y) = {name: tangents[name] for name in seen}, band.lanes(extra.x, extra.y)
                 slope = probe.samples_jvp(*inputs, seen, slopes, x, y)
-                deposit(image, extra.pixel, *(rows(slope, slice(len(extra.x))) * extra.weight))
+                deposit(image, extra.pixel, *(rows(fetched(slope), slice(len(extra.x))) * extra.weight))
         if terms != "interior":
             for edges in self.edges:
                 x, y = band.lanes(edges.x, edges.y)
@@ -127,5 +127,5 @@ def _edge(numbers: dict[str, np.ndarray]) -> Edge:
 
 
 def numbers_of(edge: Edge, which: np.ndarray) -> dict[str, np.ndarray]:
-    """Some of the edges, by the fields of their paths and events."""
-    return {name: value.numpy()[which] for part in (edge.path, edge.event) for name, value in vars(part).items()}
+    """Some of the edges, whose arrays are NumPy's, by the fields of their paths and events."""
+    return {name: value[which] for part in (edge.path, edge.event) for name, value in vars(part).items()}

@@ -85,6 +85,7 @@ def cross(scene: Scene, camera: View, size: Array, segment: Segment, limits: Lim
         edge.path,
         type(segment.label_start),
         limits,
+        valid,
     )
     found = valid & (counts > 0) & differ(*label)
 
@@ -121,8 +122,10 @@ def cross(scene: Scene, camera: View, size: Array, segment: Segment, limits: Lim
     )
 
 
-def _both_sides(scene: Scene, ray_at: Callable[[Array], Ray], path: Path, kind: type, limits: Limits) -> tuple[tuple, tuple]:
-    """What two rays, numbers 0 and 1, show of an edge at a path's node, and their labels, of a type."""
+def _both_sides(
+    scene: Scene, ray_at: Callable[[Array], Ray], path: Path, kind: type, limits: Limits, valid: Array
+) -> tuple[tuple, tuple]:
+    """What two rays, numbers 0 and 1, show of an edge at a path's node, if it is valid, and their labels, of a type."""
 
     def look(k, colors, labels):
         color, label = contrasted(scene, ray_at(k), path, limits)
@@ -134,7 +137,7 @@ def _both_sides(scene: Scene, ray_at: Callable[[Array], Ray], path: Path, kind: 
     color: Any = dr.zeros(type(scene.background), width)
     label: Any = dr.zeros(kind, width)
     state: Any = dr.zeros(ad.Int, width), (color, color + 0), (label, label + 0)
-    return dr.while_loop(state, lambda k, *_: k < 2, look, mode="symbolic", label="sides")[1:]
+    return dr.while_loop(state, lambda k, *_: valid & (k < 2), look, mode="symbolic", label="sides")[1:]
 
 
 def _locate(scene: Scene, camera: View, size: Array, segment: Segment, limits: Limits) -> tuple[Array, Edge, Array]:
@@ -163,9 +166,9 @@ def _locate(scene: Scene, camera: View, size: Array, segment: Segment, limits: L
     largest = dr.fmax(dr.abs(ends[0]), dr.abs(ends[1]))
     rounded = ends[0] * ends[1] > 0
     ends = [dr.select(rounded & (dr.abs(end) < ON_SAMPLE * largest), 0, end) for end in ends]
-    along = _root(lambda along: value(follow(scene, ray_at(along), path, limits)), low, high, *ends)
-    crossed = found & (ends[0] * ends[1] <= 0) & (largest > 0) & (along >= start) & (along <= stop)
-    event.kind = dr.select(crossed, event.kind, NOTHING)
+    crosses = found & (event.kind != NOTHING) & (ends[0] * ends[1] <= 0) & (largest > 0)
+    along = _root(lambda along: value(follow(scene, ray_at(along), path, limits)), low, high, ends[0], ends[1], crosses)
+    event.kind = dr.select(crosses & (along >= start) & (along <= stop), event.kind, NOTHING)
     edge = Edge(path, event)
 
     return along, edge, heavier(a.weight, b.weight)
@@ -222,8 +225,8 @@ def _bisect(
     return dr.while_loop(state, lambda i, *_: i < HALVINGS, halve, mode="symbolic", label="bisect")[1:]
 
 
-def _root(function: Callable[[Array], Array], a: Array, b: Array, at_a: Array, at_b: Array) -> Array:
-    """The root of a function between a and b, by the Pegasus method (M. Dowell, P. Jarratt, BIT 12, 1972)."""
+def _root(function: Callable[[Array], Array], a: Array, b: Array, at_a: Array, at_b: Array, active: Array) -> Array:
+    """The root of a function between a and b, if active, by the Pegasus method (M. Dowell, P. Jarratt, BIT 12, 1972)."""
     near = (b - a) * (2.0**-9 if type(a) is ad.Float else 2.0**-23)
 
     def step(i, a, b, at_a, at_b, active):
@@ -236,5 +239,5 @@ def _root(function: Callable[[Array], Array], a: Array, b: Array, at_a: Array, a
         return i + 1, dr.select(passed, b, a), c, dr.select(passed, at_b, kept), at_c, active
 
     width = dr.width(a)
-    state = dr.zeros(ad.UInt32, width), a, b, at_a, at_b, dr.ones(ad.Bool, width)
+    state = dr.zeros(ad.UInt32, width), a, b, at_a, at_b, active & dr.ones(ad.Bool, width)
     return dr.while_loop(state, lambda *state: state[-1], step, mode="symbolic", label="root")[2]

@@ -152,9 +152,10 @@ def label_counts(samples: Samples, pixels: np.ndarray, least: float) -> np.ndarr
     start = (pixels // columns + 1) * side * stride + (pixels % columns + 1) * side
     near = start + _window(side, stride)[:, None]
     labels = samples.labels.ravel().take(near)
-    halves = [labels] if labels.itemsize == 4 else [labels.astype(np.uint32), labels >> 32]
-    around = [np.sort(np.ascontiguousarray(half.T), 1).T for half in halves]
-    counts = 1 + np.min([(row[1:] != row[:-1]).sum(0) for row in around], 0)
+    halves = [labels] if labels.itemsize == 4 else [labels.astype(np.uint32), (labels >> 32).astype(np.uint32)]
+    around = [np.sort(half, 0) for half in halves]
+    distinct = [np.add.reduce(row[1:] != row[:-1], 0, dtype=np.uint16) for row in around]
+    counts = 1 + np.minimum(distinct[0], distinct[-1])
     several = np.flatnonzero(counts > 2)
     seen = samples.colors.take(near[:, several], 0)
     high = seen.max(0)
@@ -246,8 +247,8 @@ def stretches(crossings: Crossings, pairs: Pairs, ends: np.ndarray) -> tuple[Str
     last = np.roll(begins, -1)
     # Where the pair on the other side of a sample has a singular edge as well, each takes half of the sample's cell
     a, b = pairs.ends(pair)
-    before = np.where(np.isin(a, ends[1], kind="table"), 0, h / 2)
-    behind = np.where(np.isin(b, ends[0], kind="table"), 0, h / 2)
+    before = np.where(_marked(ends[1], a), 0, h / 2)
+    behind = np.where(_marked(ends[0], b), 0, h / 2)
     # All crossings of a pair share one weight, so that its samples are taken away as a whole. Pairs along an edge take none
     # and those across it all: a part of a sample that is close to the edge would spoil the sum
     first = np.flatnonzero(begins)
@@ -259,6 +260,13 @@ def stretches(crossings: Crossings, pairs: Pairs, ends: np.ndarray) -> tuple[Str
     taken = np.stack([np.where(begins, 0.5 + before / h, 0), np.where(last, 0.5 + behind / h, 0)])
     found_here = Stretch(here.x, here.y, here.vertical, h, c, start, stop, found.rising, share * h)
     return found_here, pair, taken * share * (here.pixel >= 0)
+
+
+def _marked(marks: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+    """Whether each number is among the marks, all of them small (np.isin looks for their range first, which takes longer)."""
+    table = np.zeros(1 + max(marks.max(initial=0), numbers.max(initial=0)), bool)
+    table[marks] = True
+    return table.take(numbers)
 
 
 @dataclass(frozen=True)
@@ -291,6 +299,6 @@ def deposit(image: np.ndarray, pixel: np.ndarray, *channels: np.ndarray) -> None
         channels: the values of each channel, in the shape of `pixel`.
     """
     kept = np.flatnonzero(pixel >= 0)
-    place = pixel.take(kept).astype(np.intp, copy=False) * len(channels)
-    for channel, values in enumerate(channels):
-        np.add.at(image, place + channel, values.take(kept).astype(image.dtype, copy=False))
+    place, columns = pixel.take(kept), image.reshape(-1, len(channels)).T
+    for column, values in zip(columns, channels, strict=True):
+        np.add.at(column, place, values.take(kept).astype(image.dtype, copy=False))

@@ -1,7 +1,7 @@
 """A band of an image's rows, and the way between NumPy's arrays and those of the kernels that work on it."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, is_dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -94,9 +94,16 @@ def aligned(array: np.ndarray, length: int) -> Array:
     return result
 
 
-def rows(value: Array, which: slice | np.ndarray) -> np.ndarray:
-    """Some elements of a vector array, shape (components, elements)."""
-    return np.stack([component.numpy()[which] for component in value])
+def fetched(value: Any) -> Any:
+    """Dr.Jit's arrays, those in dataclasses too, as NumPy's: a tuple of its components for a vector. Waits for all kernels."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return type(value)(**{name: fetched(part) for name, part in vars(value).items()})
+    return value.numpy() if dr.depth_v(value) == 1 else tuple(component.numpy() for component in value)
+
+
+def rows(components: Sequence[np.ndarray], which: slice | np.ndarray) -> np.ndarray:
+    """Some elements of a vector, shape (components, elements)."""
+    return np.stack([component[which] for component in components])
 
 
 def chunks(n: int, size: int) -> Iterator[slice]:

@@ -77,7 +77,8 @@ def render(
     if boundary:
         job = _BoundaryJob(scene, still, size, depth, side, progress, terms, keep=bool(wrt))
     with LOCK:
-        return dr.custom(_Render, wrt, job) if wrt else job.image()
+        # Within a function Dr.Jit does not look for arrays, of which only those in `wrt` are inputs
+        return dr.custom(_Render, wrt, lambda: job) if wrt else job.image()
 
 
 def _whole(value: object, low: int, high: int) -> bool:
@@ -102,8 +103,8 @@ class _Render(dr.CustomOp):
     """The image as one node of Dr.Jit's computation graph."""
 
     def eval(self, wrt, job):
-        self.wrt, self.job = wrt, job
-        return job.image()
+        self.wrt, self.job = wrt, job()
+        return self.job.image()
 
     def forward(self):
         self.set_grad_out(self.job.tangent(self.wrt, self.grad_in("wrt")))
