@@ -341,7 +341,7 @@ def test_15_renders_and_differentiates(tmp_path):
     done = whitted(
         tmp_path,
         f"""
-import drjit as dr, whitted as wt
+import whitted as wt, drjit as dr
 assert llvm.configure().version == dr.detail.llvm_version()[0] == 15
 scene = wt.load_scene({str(tmp_path / "scene.toml")!r})
 parameters = scene.parameters()
