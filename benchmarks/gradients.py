@@ -1,0 +1,260 @@
+"""Errors of derivatives with edges: python benchmarks/gradients.py [--scene NAME] [--parameter REGEX]
+
+The forward derivative by every parameter at 16 samples a pixel, in double precision, against central differences of images
+with edges at 81, and of plain samples at 32768 points in a pixel where those are not enough. Each error is written into
+docs/gradients.csv when it is measured, in place of an older one, and docs/gradients.png shows what is there (needs the
+`bench` extra). All scenes take some hours.
+"""
+
+import argparse
+import csv
+import re
+import time
+import zlib
+from collections.abc import Iterator
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import numpy as np
+from boundary import BOUNDARY, SCENES, panels, relative, save, slope
+
+FOLDER = Path(__file__).parent.parent / "docs"
+TABLE = FOLDER / "gradients.csv"
+COLUMNS = ("scene", "parameter", "error", "of the reference", "refined pixels", "of sum", "of moduli", "bound", "spp 1", "spp 4")
+# Samples a pixel of a reference (not 64, which have the same finer grid as 16)
+REFERENCE = 81
+# Where that is too coarse to tell whether a derivative is right, so many pixels are sampled anew, plainly, at so many points
+# and with other steps
+REFINED, POINTS, STEPS = 1500, 1 << 15, (1.0, 0.25, 4.0)
+KINDS = ("center", "radius", "normal", "offset", "color", "ior", "lights.", "camera.position", "fov")
+
+
+class Derivative:
+    """The derivative of a scene's image by one parameter along one direction, exact and by differences."""
+
+    def __init__(self, scene, name: str) -> None:
+        self.scene, self.name = scene, name
+        self.value = np.asarray(scene.parameters(name)[name]).ravel()
+        direction = np.random.default_rng(zlib.crc32(name.encode())).normal(size=len(self.value))
+        self.direction = direction / np.linalg.norm(direction) if len(direction) > 1 else np.ones(1)
+        self.step = 1e-2 if name == "camera.fov" else 1e-4
+
+    def exact(self, spp: int) -> np.ndarray:
+        import drjit as dr
+
+        import whitted as wt
+
+        # All parameters that the scene uses, so that they share their kernels
+        values = dr.detach(self.scene.parameters(*{self.name, *self.scene.nonzero}))
+        dr.enable_grad(values)
+        for name, value in values.items():
+            dr.set_grad(value, type(value)(*self.direction.tolist()) if name == self.name else dr.zeros(type(value)))
+        image = wt.render(self.scene.replace(values), spp, resolution=(128, 128))
+        return dr.forward_to(image).numpy()
+
+    def differences(self, spp: int, step: float) -> np.ndarray:
+        import whitted as wt
+
+        images = []
+        for sign in (1, -1):
+            moved = self.scene.replace({self.name: self.value + sign * step * self.direction})
+            images.append(wt.render(moved, spp, resolution=(128, 128)).numpy())
+        return (images[0] - images[1]) / (2 * step)
+
+    @cached_property
+    def plain(self):
+        """A function from a part of the step to the means of plain samples in a pixel, at points of a Fibonacci lattice.
+
+        They see every edge, whatever its direction, with an error like POINTS^-3/4.
+        """
+        import drjit as dr
+        from drjit.llvm import ad
+
+        from whitted import probe
+        from whitted.trace import Limits
+
+        across, along = (np.arange(POINTS) + 0.5) / POINTS, np.arange(POINTS) * ((5**0.5 - 1) / 2) % 1
+        size, scene = ad.Array2f64(128, 128), self.scene
+        limits = Limits(scene.max_depth, ad.UInt32(scene.max_depth), ad.Float64(scene.min_importance), ad.Float64(1))
+
+        @lru_cache
+        def values(factor: float) -> dict:
+            moved = scene.replace({self.name: self.value + factor * self.step * self.direction}).parameters()
+            dr.make_opaque(moved)
+            return moved
+
+        def mean(factor: float, x: int, y: int) -> np.ndarray:
+            place = ad.Float64(x + across), ad.Float64(y + along)
+            dr.make_opaque(size, limits, place)
+            color, _ = probe.samples(scene.shape, values(factor), size, limits, *place)
+            return np.array([channel.numpy().mean() for channel in color])[:3]
+
+        return mean
+
+    def pixel(self, x: int, y: int, enough: float) -> tuple[np.ndarray, np.ndarray]:
+        """Plain differences in one pixel, of the surest step, or the first with an error below `enough`, and with it.
+
+        That is how far those of half a step and of a whole one are apart, or those forward and backward, which are not the same
+        where an edge comes into the pixel or leaves it.
+        """
+        found = []
+        for step in STEPS:
+            means = [self.plain(factor * step, x, y) for factor in (-1, -0.5, 0, 0.5, 1)]
+            half, whole = (means[3] - means[1]) / (step * self.step), (means[4] - means[0]) / (2 * step * self.step)
+            bend = (means[4] - 2 * means[2] + means[0]) / (step * self.step)
+            found.append((half, max(whole - half, bend, key=np.linalg.norm)))
+            if np.linalg.norm(found[-1][1]) < enough:
+                break
+        value, error = min(found, key=lambda pair: np.linalg.norm(pair[1]))
+        return value, value + error
+
+    @property
+    def bound(self) -> float:
+        """Relative error that is allowed: more for what is seen in, or through, a mirror or glass."""
+        kind, _, rest = self.name.partition(".")
+        shiny = {m.name for m in self.scene.materials if m.reflection.numpy()[0] > 0 or m.refraction.numpy()[0] > 0}
+        owner = rest.partition(".")[0]
+        if kind in ("spheres", "planes"):
+            owner = next(item.material for item in getattr(self.scene, kind) if item.name == owner)
+        return 0.1 if kind == "camera" or owner in shiny or self.name.endswith(".ior") else 0.05
+
+
+def measure(derivative: Derivative) -> dict:
+    """The error of one derivative.
+
+    Differences with one step are compared, and those with another tell the reference's own error. Where it is not below a
+    third of the bound, or the derivative's not below half, pixels where these differ most have differences of their own.
+    """
+    row = {"exact": derivative.exact(1), "bound": derivative.bound, "refined": 0}
+    if not row["exact"].any() and not derivative.differences(1, derivative.step).any():
+        return row
+    exact, step, bound = derivative.exact(16), derivative.step, row["bound"]
+    near, far = derivative.differences(REFERENCE, step), derivative.differences(REFERENCE, 2 * step)
+    if relative(exact, near) > bound / 2 or relative(far, near) > bound / 3:
+        doubt = np.sqrt(np.maximum(((exact - near) ** 2).sum(2), ((far - near) ** 2).sum(2)))
+        small = bound / 200 * np.linalg.norm(near)
+        for place in np.argsort(doubt.ravel())[: -REFINED - 1 : -1]:
+            y, x = divmod(int(place), doubt.shape[1])
+            if doubt[y, x] < small:
+                break
+            value, other = derivative.pixel(x, y, small)
+            if np.linalg.norm(other - value) < np.linalg.norm(far[y, x] - near[y, x]):
+                near[y, x], far[y, x] = value, other
+                row["refined"] += 1
+    row["uncertain"] = relative(far, near)
+    return row | {"exact": exact, "reference": near, "error": relative(exact, near)}
+
+
+def sums(row: dict) -> tuple[float, float]:
+    """The error of the sum of the derivative's image, relative to that sum, and to that of its moduli."""
+    error, reference = abs(row["exact"].sum() - row["reference"].sum()), row["reference"]
+    return error / max(abs(reference.sum()), 1e-300), error / max(np.abs(reference).sum(), 1e-300)
+
+
+def described(name: str, row: dict) -> str:
+    """A line of the table."""
+    if "error" not in row:
+        return f"{name:32}no effect, largest |J| {np.abs(row['exact']).max():.1e}"
+    total, moduli = sums(row)
+    verdict = "pass" if row["error"] <= row["bound"] else "FAIL"
+    mark = " (reference uncertain)" if row["uncertain"] > row["bound"] / 3 else ""
+    errors = f"{row['error']:9.5f}{row['uncertain']:11.5f}"
+    return f"{name:32}{errors}{row['refined']:>9}{total:10.5f}{moduli:10.5f}{row['bound']:7.2f}  {verdict}{mark}"
+
+
+def worst(row: dict) -> Iterator[str]:
+    """The pixels with the largest errors, and their share of its square."""
+    squares = ((row["exact"] - row["reference"]) ** 2).sum(2)
+    for place in np.argsort(squares.ravel())[:-6:-1]:
+        y, x = divmod(int(place), squares.shape[1])
+        values = ", ".join(f"{kind} {np.array2string(row[kind][y, x], precision=4)}" for kind in ("exact", "reference"))
+        yield f"    pixel x {x}, y {y}: {100 * squares[y, x] / squares.sum():5.1f} %   {values}"
+
+
+def table() -> dict[tuple[str, str], dict]:
+    """The rows of the file, by scene and parameter."""
+    if not TABLE.exists():
+        return {}
+    with TABLE.open(newline="") as file:
+        return {(row["scene"], row["parameter"]): row for row in csv.DictReader(file)}
+
+
+def record(scene: str, parameter: str, row: dict, errors: list[float]) -> None:
+    """Put a derivative's errors into the file."""
+    values = dict.fromkeys(COLUMNS, "") | {"scene": scene, "parameter": parameter, "bound": row["bound"]}
+    if "error" in row:
+        total, moduli = sums(row)
+        numbers = {"error": row["error"], "of the reference": row["uncertain"], "of sum": total, "of moduli": moduli}
+        numbers |= dict(zip(("spp 1", "spp 4"), errors, strict=False))
+        values |= {name: f"{number:.5f}" for name, number in numbers.items()}
+        values["refined pixels"] = row["refined"]
+    rows = table() | {(scene, parameter): values}
+    temporary = TABLE.with_suffix(".tmp")
+    with temporary.open("w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows[key] for key in sorted(rows))
+    temporary.replace(TABLE)
+
+
+def gradients(name: str, only: str) -> str:
+    """Measure a scene's derivatives, and say in a line how many pass."""
+    import whitted as wt
+
+    scene = wt.load_scene(SCENES / f"{name}.toml", "double")
+    rows, kinds, start = {}, list(KINDS), time.perf_counter()
+    print(f"{name}, 128 x 128, spp 16: relative L2 error", flush=True)
+    print(f"{'parameter':32}{'error':>9}{'reference':>11}{'refined':>9}{'of sum':>10}{'/ sum||':>10}{'bound':>7}")
+    for parameter in scene.parameters():
+        if not re.search(only, parameter):
+            continue
+        derivative = Derivative(scene, parameter)
+        row = rows[parameter] = measure(derivative)
+        print(described(parameter, row), flush=True)
+        kind = next((kind for kind in kinds if kind in parameter), None)
+        errors = []
+        if "error" in row and row["error"] > row["bound"]:
+            print(*worst(row), sep="\n", flush=True)
+        if "error" in row and kind is not None:
+            kinds.remove(kind)
+            errors = [relative(derivative.exact(spp), row["reference"]) for spp in BOUNDARY[:2]]
+            steep = slope(BOUNDARY, [*errors, row["error"]])
+            print("    spp 1, 4:" + "".join(f"{e:9.5f}" for e in errors) + f", slope {steep:.2f}", flush=True)
+        record(name, parameter, row, errors)
+    found = {parameter: row for parameter, row in rows.items() if "error" in row}
+    failed = [parameter for parameter, row in found.items() if row["error"] > row["bound"]]
+    most = max(found, key=lambda parameter: found[parameter]["error"] / found[parameter]["bound"], default="none")
+    error = f"worst {most} {found[most]['error']:.4f}, " if found else ""
+    text = f"{name:20}{len(found) - len(failed)} of {len(found)} pass, {error}{len(rows) - len(found)} without effect"
+    text += "".join(f"\n    FAIL {parameter} {found[parameter]['error']:.4f}" for parameter in failed)
+    print(f"{text}\n{time.perf_counter() - start:.0f} s\n", flush=True)
+    return text
+
+
+def draw() -> None:
+    """Errors against samples a pixel, for a parameter of each kind of each scene."""
+    rows = [row for row in table().values() if row["spp 1"]]
+    names = sorted({row["scene"] for row in rows})
+    figure, axes = panels(names)
+    for row in rows:
+        errors = [float(row[column]) for column in ("spp 1", "spp 4", "error")]
+        axes[row["scene"]].plot(BOUNDARY, errors, "o-", label=f"{row['parameter']}, slope {slope(BOUNDARY, errors):.2f}")
+    for panel in axes.values():
+        panel.legend(fontsize=7)
+    axes[names[0]].set_ylabel("relative L2 error")
+    save(figure, FOLDER / "gradients.png")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scene", action="append", help="only this scene of the folder scenes; may be repeated")
+    parser.add_argument("--parameter", default="", help="only parameters in whose names this regular expression is")
+    arguments = parser.parse_args()
+    names = arguments.scene or sorted(path.stem for path in SCENES.glob("*.toml"))
+    texts = [gradients(name, arguments.parameter) for name in names]
+    draw()
+    print("\n".join(texts))
+
+
+if __name__ == "__main__":
+    main()
