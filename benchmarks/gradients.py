@@ -25,7 +25,7 @@ COLUMNS = ("scene", "parameter", "error", "of the reference", "refined pixels", 
 REFERENCE = 81
 # Where that is too coarse to tell whether a derivative is right, so many pixels are sampled anew, plainly, at so many points
 # and with other steps
-REFINED, POINTS, STEPS = 1500, 1 << 15, (1.0, 0.25, 4.0)
+REFINED, POINTS, STEPS = 1500, 1 << 15, (1.0, 4.0, 0.25)
 KINDS = ("center", "radius", "normal", "offset", "color", "ior", "lights.", "camera.position", "fov")
 
 
@@ -63,7 +63,7 @@ class Derivative:
 
     @cached_property
     def plain(self):
-        """A function from a part of the step to the means of plain samples in a pixel, at points of a Fibonacci lattice.
+        """A function from a part of the step to the mean and the range of plain samples in a pixel, on a Fibonacci lattice.
 
         They see every edge, whatever its direction, with an error like POINTS^-3/4.
         """
@@ -78,31 +78,33 @@ class Derivative:
         limits = Limits(scene.max_depth, ad.UInt32(scene.max_depth), ad.Float64(scene.min_importance), ad.Float64(1))
 
         @lru_cache
-        def values(factor: float) -> dict:
-            moved = scene.replace({self.name: self.value + factor * self.step * self.direction}).parameters()
-            dr.make_opaque(moved)
-            return moved
+        def moved(factor: float) -> tuple:
+            there = scene.replace({self.name: self.value + factor * self.step * self.direction})
+            values = there.parameters()
+            dr.make_opaque(values)
+            return there.shape, values
 
-        def mean(factor: float, x: int, y: int) -> np.ndarray:
+        def seen(factor: float, x: int, y: int) -> tuple[np.ndarray, np.ndarray]:
             place = ad.Float64(x + across), ad.Float64(y + along)
             dr.make_opaque(size, limits, place)
-            color, _ = probe.samples(scene.shape, values(factor), size, limits, *place)
-            return np.array([channel.numpy().mean() for channel in color])[:3]
+            color = [channel.numpy() for channel in probe.samples(*moved(factor), size, limits, *place)[0]][:3]
+            return np.array([channel.mean() for channel in color]), np.array([np.ptp(channel) for channel in color])
 
-        return mean
+        return seen
 
     def pixel(self, x: int, y: int, enough: float) -> tuple[np.ndarray, np.ndarray]:
         """Plain differences in one pixel, of the surest step, or the first with an error below `enough`, and with it.
 
         That is how far those of half a step and of a whole one are apart, or those forward and backward, which are not the same
-        where an edge comes into the pixel or leaves it.
+        where an edge comes into the pixel or leaves it; and at least what one point makes that an edge passes.
         """
         found = []
         for step in STEPS:
-            means = [self.plain(factor * step, x, y) for factor in (-1, -0.5, 0, 0.5, 1)]
-            half, whole = (means[3] - means[1]) / (step * self.step), (means[4] - means[0]) / (2 * step * self.step)
-            bend = (means[4] - 2 * means[2] + means[0]) / (step * self.step)
-            found.append((half, max(whole - half, bend, key=np.linalg.norm)))
+            seen = [self.plain(factor * step, x, y) for factor in (-1, -0.5, 0, 0.5, 1)]
+            means, h = [mean for mean, _ in seen], step * self.step
+            half, whole = (means[3] - means[1]) / h, (means[4] - means[0]) / (2 * h)
+            bend, point = (means[4] - 2 * means[2] + means[0]) / h, seen[2][1] / (POINTS * h)
+            found.append((half, max(whole - half, bend, point, key=np.linalg.norm)))
             if np.linalg.norm(found[-1][1]) < enough:
                 break
         value, error = min(found, key=lambda pair: np.linalg.norm(pair[1]))
