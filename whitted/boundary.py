@@ -33,9 +33,9 @@ Its cost follows the number of edges: for each some chains of rays, and of four 
 
 What it leaves to the samples, less of it the more samples a pixel has: edges of nodes that weigh less than FAINT / spp in
 the pixel (`render.py`), and where neighbours differ by less than CONTRAST / spp; edges of an object or a gap that lies
-between two samples of the same label; checkerboards where several cells lie between two samples. Those fade out as cells get
-smaller (`crossing.py`): were they to end at once, the last edge would lack the one that cancels it. Derivatives by a weight
-below FAINT / spp, for which edges in what it reflects or refracts are such, have four times the samples instead.
+between two samples of the same label; checkerboards where several cells lie between two samples. What moves with those fades
+out as cells get smaller (`crossing.py`): were it to end at once, the last edge would lack the one that cancels it. Derivatives
+by a weight below FAINT / spp, for which edges in what it reflects or refracts are such, have four times the samples instead.
 
 Sources: Reynolds transport and edge sampling, T.-M. Li et al., "Differentiable Monte Carlo Ray Tracing through Edge
 Sampling" (2018); discontinuities of programs, S. Bangaru et al., "Systematically Differentiating Parametric
@@ -195,8 +195,11 @@ class _Search:
             move = Moves(pair + first, pairs.pixel.take(pair, 1), rows(crossing.moved, lane), jump)
             self.moves.setdefault(round, []).append(move)
             if self.keep:
+                change = rows(crossing.change, lane)
+                moves = np.flatnonzero(change.any(0))
+                lane = lane.take(moves)
                 along, *kept = (getattr(crossing, name).take(lane) for name in ("along", "weight", "rising", "singular"))
-                groups.append(Crossings(pair, along, jump, rows(crossing.change, lane), *kept))
+                groups.append(Crossings(pair.take(moves), along, jump.take(moves, 1), change.take(moves, 1), *kept))
                 edges.append(numbers_of(crossing.edge, lane))
         if any(groups):
             edge = {name: np.concatenate([edge[name] for edge in edges]) for name in edges[0]}

@@ -24,8 +24,8 @@ SLIGHT = 0.3
 # Halvings of a segment before its event is told from what lies at its ends, and most steps to the level function's root
 HALVINGS = 1
 STEPS = 20
-# Cells of a checkerboard from one sample to the next, up to which their edges count in full, and from which not at all,
-# and how many cells away all that is so; at half that distance it is not at all
+# Cells of a checkerboard from one sample to the next, up to which their edges' motion counts in full, and from which it does
+# not; and how many cells away all that is so, at half of which it is not at all
 FINE, FINEST = 1, 6
 FAR = 16
 
@@ -87,7 +87,7 @@ def cross(scene: Scene, camera: View, size: Array, segment: Segment, limits: Lim
         limits,
         valid,
     )
-    found = valid & (counts > 0) & differ(*label)
+    found = valid & differ(*label)
 
     rooted = (edge.event.kind == SILHOUETTE) | (edge.event.kind == TOTAL)
 
@@ -101,7 +101,7 @@ def cross(scene: Scene, camera: View, size: Array, segment: Segment, limits: Lim
     straight = dr.fmin(past, 0)
     a = dr.select(dr.abs(past) < tilt, -(tilt - past) * (tilt - past) / (4 * tilt), straight)
     vector = type(size)
-    moved = vector(a, past - a) * (counts * weight * segment.length)
+    moved = vector(a, past - a) * (weight * segment.length)
     share = dr.fmin(dr.fmax(0.5 - past / (2 * tilt), 0), 1)
     change = vector(share, 1 - share) * (-segment.length * counts * weight / slope)
     return Crossing(
@@ -177,7 +177,7 @@ def _locate(scene: Scene, camera: View, size: Array, segment: Segment, limits: L
 def _slopes(
     scene: Scene, camera: View, size: Array, segment: Segment, along: Array, limits: Limits, edge: Edge
 ) -> tuple[Array, Array, Array]:
-    """The slopes of an edge's level function along its segment and across it, per pixel, and how much of the edge counts."""
+    """The slopes of an edge's level function along its segment and across it, per pixel, and how much of its motion counts."""
     slopes = []
     for axis in range(2):
         place = dr.detach(segment.at(along))
