@@ -10,6 +10,7 @@ ORDER = [
     *("llvm", "geometry", "optics", "camera", "scene", "schema", "scene_file", "surface", "shading"),
     *("decisions", "stack", "trace", "chain", "events", "derivative", "film", "crossing", "quadrature"),
     *(
+        "frozen",
         "wavefront",
         "probe",
         "edges",

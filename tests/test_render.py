@@ -292,12 +292,14 @@ import sys, threading
 import numpy as np
 import whitted as wt
 
+# Python passes on from thread to thread wherever it may
+sys.setswitchinterval(1e-6)
 scene = wt.load_scene(sys.argv[1])
 found = [[] for _ in range(4)]
-threads = [threading.Thread(target=lambda k=k: found[k].extend(wt.render(scene).numpy() for _ in range(5))) for k in range(4)]
+threads = [threading.Thread(target=lambda k=k: found[k].extend(wt.render(scene).numpy() for _ in range(50))) for k in range(4)]
 for thread in threads: thread.start()
 for thread in threads: thread.join()
-assert all(len(images) == 5 for images in found)
+assert all(len(images) == 50 for images in found)
 for images in found:
     for image in images: np.testing.assert_array_equal(image, found[0][0])
 """

@@ -10,6 +10,7 @@ import drjit as dr
 from .camera import View, image_ray
 from .crossing import Crossing, Segment, cross
 from .derivative import Edge, level_jvp, level_vjp, pull_back, push_forward, radiance_jvp, radiance_vjp
+from .frozen import frozen
 from .geometry import Array, Ray
 from .scene import Scene, Shape
 from .trace import Limits, labelled_radiance
@@ -19,7 +20,7 @@ from .wavefront import of_scene, prepare, total, with_fourth
 NOWHERE = 0xFFFFFFFF
 
 
-@dr.freeze(state_fn=None, warn_after=1 << 30)
+@frozen
 def samples(shape: Shape, parameters: dict, size: Array, limits: Limits, x: Array, y: Array) -> tuple[Array, Array]:
     """Radiance and nodes of samples at image positions, and their labels."""
     scene, camera = prepare(shape.filled(parameters), size)
@@ -32,7 +33,7 @@ def _in_lanes(x: Array, value: Array) -> Array:
     return dr.select(x < dr.inf, value, type(value)(77))
 
 
-@dr.freeze(state_fn=None, warn_after=1 << 30)
+@frozen
 def crossings(shape: Shape, parameters: dict, size: Array, limits: Limits, segment: Segment) -> Crossing:
     """Where edges cross segments between samples of different labels."""
     scene, camera = prepare(shape.filled(parameters), size)
@@ -47,7 +48,7 @@ def crossings(shape: Shape, parameters: dict, size: Array, limits: Limits, segme
 RayAt = Callable[[Array, Array], tuple[Ray, Array, Array]]
 
 
-@dr.freeze(state_fn=None, warn_after=1 << 30)
+@frozen
 def samples_jvp(
     shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, tangents: dict, x: Array, y: Array
 ) -> Array:
@@ -56,7 +57,7 @@ def samples_jvp(
     return _in_lanes(x, radiance_jvp(scene, slopes, *ray_at(x, y), limits))
 
 
-@dr.freeze(state_fn=None, warn_after=1 << 30)
+@frozen
 def levels_jvp(
     shape: Shape, parameters: dict, size: Array, limits: Limits, wrt: dict, tangents: dict, x: Array, y: Array, edge: Edge
 ) -> Array:
@@ -88,7 +89,7 @@ def _moving(shape: Shape, parameters: dict, size: Array, wrt: dict, tangents: di
     return dr.detach(scene), slopes, ray_at
 
 
-@dr.freeze(state_fn=None, warn_after=1 << 30)
+@frozen
 def samples_vjp(
     shape: Shape,
     parameters: dict,
@@ -111,7 +112,7 @@ def samples_vjp(
     return reverse.gradients(x, y, walk)
 
 
-@dr.freeze(state_fn=None, warn_after=1 << 30)
+@frozen
 def levels_vjp(
     shape: Shape,
     parameters: dict,

@@ -13,6 +13,7 @@ from drjit.llvm import ad
 from .camera import View, view
 from .derivative import pull_back, push_forward, radiance_jvp, radiance_vjp
 from .film import Film, next_sample, pixel, sample_ray
+from .frozen import frozen
 from .geometry import Array
 from .scene import Scene, Shape
 from .trace import Limits, labelled_radiance, radiance, varies
@@ -52,7 +53,7 @@ def accumulate(film: Film, of_sample: Callable[[Array, Array, Array, Array], Arr
     return pixels
 
 
-@dr.freeze(state_fn=None, warn_after=1 << 30)
+@frozen
 def image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> Array:
     """A band's pixels, row-major with RGB interleaved."""
     scene, camera = prepare(shape.filled(parameters), film.size)
@@ -63,7 +64,7 @@ def image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> Array:
     return accumulate(film, of_sample, type(scene.background))
 
 
-@dr.freeze(state_fn=None, warn_after=1 << 30)
+@frozen
 def labelled_image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> tuple[Array, Array, Array]:
     """A band's pixels, and of its samples and those in its margin, row by row: radiance and nodes, and labels."""
     scene, camera = prepare(shape.filled(parameters), film.size)
@@ -80,7 +81,7 @@ def labelled_image(shape: Shape, parameters: dict, film: Film, limits: Limits) -
     return accumulate(film, of_sample, type(scene.background)), colors, labels
 
 
-@dr.freeze(state_fn=None, warn_after=1 << 30)
+@frozen
 def image_jvp(
     shape: Shape, parameters: dict, film: Film, limits: Limits, wrt: dict, tangents: dict, weights: Array | None = None
 ) -> Array:
@@ -110,7 +111,7 @@ def image_jvp(
     return accumulate(film, of_sample, type(scene.background))
 
 
-@dr.freeze(state_fn=None, warn_after=1 << 30)
+@frozen
 def image_vjp(
     shape: Shape, parameters: dict, film: Film, limits: Limits, wrt: dict, adjoint: Array, weights: Array | None = None
 ) -> dict:

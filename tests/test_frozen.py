@@ -1,0 +1,40 @@
+"""Recorded functions: what they take apart and put together, and when they trace again."""
+
+from dataclasses import dataclass
+
+import drjit as dr
+from drjit.llvm import ad
+
+from whitted.frozen import frozen
+
+
+@dataclass
+class Parcel:
+    """Arrays and other values, some of them in other containers."""
+
+    x: ad.Float
+    name: str
+    others: dict
+
+
+def test_recording_is_replayed_for_arguments_of_the_same_structure():
+    traced = []
+
+    @frozen
+    def doubled(parcel, pair):
+        traced.append(parcel.name)
+        a, nothing = pair
+        return Parcel(parcel.x * 2, parcel.name + "!", {"sum": parcel.others["y"] + a, "same": (nothing, 7)})
+
+    def call(x, name, width):
+        others = {"y": dr.arange(ad.Float, width)}
+        return doubled(Parcel(dr.opaque(ad.Float, x), name, others), (dr.opaque(ad.Float, 1), None))
+
+    for x, name, width, traces in ((1, "a", 3, ["a"]), (2, "a", 4, ["a"]), (2, "b", 4, ["a", "b"]), (5, "a", 3, ["a", "b"])):
+        result = call(x, name, width)
+        assert traced == traces
+        assert type(result) is Parcel
+        assert result.name == name + "!"
+        assert result.x.numpy().tolist() == [2 * x]
+        assert result.others["sum"].numpy().tolist() == [1 + k for k in range(width)]
+        assert result.others["same"] == (None, 7)
