@@ -141,8 +141,8 @@ def measure(derivative: Derivative) -> dict:
                 break
             value, other = derivative.pixel(x, y, small)
             error, claimed = np.linalg.norm(other - value), np.linalg.norm(far[y, x] - near[y, x])
-            # Surer, or proof that two steps agree by chance
-            if error < claimed or np.linalg.norm(near[y, x] - value) > error + claimed:
+            # Surer, or so far from it that two steps agree by chance
+            if error < claimed or np.linalg.norm(near[y, x] - value) > 5 * error + claimed:
                 near[y, x], far[y, x] = value, other
                 row["refined"] += 1
     row["uncertain"] = relative(far, near)
