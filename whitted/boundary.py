@@ -77,8 +77,9 @@ from .region import LANES, SAMPLES, Band, chunks, fetched, number, rows
 
 # Edges between samples that differ less, relative to the brighter one and for one sample a pixel, are left to the samples
 CONTRAST = 1 / 32
-# Searches for edges in what is left of a segment; a third with a single sample a pixel
-ROUNDS = 6
+# Searches for edges in what is left of a segment, with several samples a pixel and with a single one. Beside the outline of
+# glass, where it mirrors all that is around it, segments of dozens of edges are common
+ROUNDS, FEWER_ROUNDS = 24, 2
 # With one sample a pixel, those where edges meet are sampled more finely only if they are more than one in so many
 FEW = 8
 # Into how many pieces what lies beside one of several edges between two samples is cut, at most
@@ -243,7 +244,7 @@ def _rounds(band: Band, pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray, 
         return probe.crossings(*band.inputs, Segment(*band.lanes(*(value.take(pair) for value in line), *rest)))
 
     pair, start, stop, ends = np.arange(len(pairs)), np.zeros(len(pairs)), pairs.length, pairs.label
-    rounds = ROUNDS if band.side > 1 else ROUNDS // 3
+    rounds = ROUNDS if band.side > 1 else FEWER_ROUNDS
     following = search(pair, start, stop, *ends) if len(pair) else None
     for left_over in reversed(range(rounds)):
         if following is None:

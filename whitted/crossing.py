@@ -9,7 +9,7 @@ from drjit.llvm import ad
 
 from .camera import View, image_ray
 from .chain import Arrival, Path, contrasted, follow, heavier, strongest_difference
-from .decisions import Decisions, decide, differ, flips
+from .decisions import CELLS, Decisions, decide, differ, flips
 from .derivative import Edge, level_jvp, push_forward
 from .events import CELL, NOTHING, SILHOUETTE, TOTAL, classify, level_function
 from .geometry import Array, Ray
@@ -24,9 +24,9 @@ SLIGHT = 0.3
 # Halvings of a segment before its event is told from what lies at its ends, and most steps to the level function's root
 HALVINGS = 1
 STEPS = 20
-# Cells of a checkerboard from one sample to the next, up to which their edges' motion counts in full, and from which it does
-# not; and how many cells away all that is so, at half of which it is not at all
-FINE, FINEST = 1, 6
+# Cells of a checkerboard from one sample to the next, up to which their edges' motion counts in full (from CELLS on it does
+# not), and how many cells away that is so, at half of which all motion counts
+FINE = 1
 FAR = 16
 
 
@@ -191,7 +191,7 @@ def _slopes(
     if checkers(scene):
         cells = [dr.abs(slope) * segment.length for slope in (*board_right, *board_down)]
         most = dr.fmax(dr.fmax(*cells[:2]), dr.fmax(*cells[2:]))
-        counts = dr.select(edge.event.kind == CELL, 1 - _smooth_step(FINE, FINEST, most) * _smooth_step(FAR / 2, FAR, away), 1)
+        counts = dr.select(edge.event.kind == CELL, 1 - _smooth_step(FINE, CELLS, most) * _smooth_step(FAR / 2, FAR, away), 1)
     vertical = segment.vertical
     return dr.select(vertical, down, right), dr.select(vertical, right, down), counts
 

@@ -22,7 +22,7 @@ from .shading import blinn_phong, incident
 from .surface import Surface, any_of, checkers, lookup, on_plane, relative_index
 
 # Cells of a checkerboard between two samples beyond which their edges are left to the samples
-CELLS = 3
+CELLS = 4
 # A highlight below this part of its light has no edge where it ends
 GLINT = 1e-3
 

@@ -89,7 +89,8 @@ def classify(scene: Scene, a: Arrival, b: Arrival, depth: Array, limits: Limits)
         size = real(0)
         for k, _, cell in checkers(scene):
             size = dr.select(here.index == k, real(cell), size)
-        _set(event, (x != y) & (dr.abs(x - y) <= CELLS), CELL, other=uint(axis), border=real(dr.select(x > y, x, y)) * size)
+        # Of several borders the middle one, so that few rounds of the search find them all
+        _set(event, (x != y) & (dr.abs(x - y) <= CELLS), CELL, other=uint(axis), border=real((x + y + 1) >> 1) * size)
     _classify_hit(scene, event, a.ray, b.ray, here, there)
     return event
 
