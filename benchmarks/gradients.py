@@ -1,9 +1,9 @@
 """Errors of derivatives with edges: python benchmarks/gradients.py [--scene NAME] [--parameter REGEX]
 
 The forward derivative by every parameter at 16 samples a pixel, in double precision, against central differences of images
-with edges at 81, and of plain samples at 32768 points in a pixel where those are not enough. Each error is written into
-docs/gradients.csv when it is measured, in place of an older one, and docs/gradients.png shows what is there (needs the
-`bench` extra). All scenes take some hours.
+with edges at 81 (whitted1980: 36), and of plain samples at 8192 to 262144 points in a pixel where those are not enough. Each
+error is written into docs/gradients.csv when it is measured, in place of an older one, and docs/gradients.png shows what is
+there (needs the `bench` extra). All scenes take some hours.
 """
 
 import argparse
@@ -11,8 +11,9 @@ import csv
 import re
 import time
 import zlib
-from collections.abc import Iterator
-from functools import cached_property, lru_cache
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property, lru_cache, partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -21,19 +22,30 @@ from boundary import BOUNDARY, SCENES, panels, relative, save, slope
 FOLDER = Path(__file__).parent.parent / "docs"
 TABLE = FOLDER / "gradients.csv"
 COLUMNS = ("scene", "parameter", "error", "of the reference", "refined pixels", "of sum", "of moduli", "bound", "spp 1", "spp 4")
-# Samples a pixel of a reference (not 64, which have the same finer grid as 16)
-REFERENCE = 81
-# Where that is too coarse to tell whether a derivative is right, so many pixels are sampled anew, plainly, at so many points
-# and with other steps
-REFINED, POINTS, STEPS = 1500, 1 << 15, (1.0, 4.0, 16.0, 0.25)
+# Samples a pixel of a reference (not 64, which have the same finer grid as 16); of a scene where 81 take minutes fewer
+REFERENCE, FEWER = 81, {"whitted1980": 36}
+# Where that is too coarse to tell whether a derivative is right, so many pixels are sampled anew, plainly: at so many points
+# and with other steps until the error is known well enough, with the most points only the first of them
+REFINED, POINTS, FIRST = 1500, (1 << 13, 1 << 15, 1 << 18), 50
+STEPS = 4.0, 2.0, 8.0, 1.0, 16.0, 0.5
 KINDS = ("center", "radius", "normal", "offset", "color", "ior", "lights.", "camera.position", "fov")
 
 
-class Derivative:
-    """The derivative of a scene's image by one parameter along one direction, exact and by differences."""
+def image(scene, spp: int) -> np.ndarray:
+    import whitted as wt
 
-    def __init__(self, scene, name: str) -> None:
-        self.scene, self.name = scene, name
+    return wt.render(scene, spp, resolution=(128, 128)).numpy()
+
+
+class Derivative:
+    """The derivative of a scene's image by one parameter along one direction, exact and by differences.
+
+    Args:
+        still: from samples a pixel to the scene's image.
+    """
+
+    def __init__(self, scene, name: str, still: Callable[[int], np.ndarray]) -> None:
+        self.scene, self.name, self.still = scene, name, still
         self.value = np.asarray(scene.parameters(name)[name]).ravel()
         direction = np.random.default_rng(zlib.crc32(name.encode())).normal(size=len(self.value))
         self.direction = direction / np.linalg.norm(direction) if len(direction) > 1 else np.ones(1)
@@ -52,20 +64,18 @@ class Derivative:
         image = wt.render(self.scene.replace(values), spp, resolution=(128, 128))
         return dr.forward_to(image).numpy()
 
-    def differences(self, spp: int, step: float) -> np.ndarray:
-        import whitted as wt
-
-        images = []
-        for sign in (1, -1):
-            moved = self.scene.replace({self.name: self.value + sign * step * self.direction})
-            images.append(wt.render(moved, spp, resolution=(128, 128)).numpy())
-        return (images[0] - images[1]) / (2 * step)
+    def differences(self, spp: int) -> tuple[np.ndarray, np.ndarray]:
+        """Central differences, and forward ones. How far they are apart is the larger part of the central ones' error."""
+        forward, back = (
+            image(self.scene.replace({self.name: self.value + s * self.direction}), spp) for s in (self.step, -self.step)
+        )
+        return (forward - back) / (2 * self.step), (forward - self.still(spp)) / self.step
 
     @cached_property
     def plain(self):
-        """A function from a part of the step to the mean and the range of plain samples in a pixel, on a Fibonacci lattice.
+        """A function from parts of the step to the mean and the range of plain samples in a pixel, on a Fibonacci lattice.
 
-        They see every edge, whatever its direction, with an error like POINTS^-3/4.
+        They see every edge, whatever its direction, with an error like points^-3/4.
         """
         import drjit as dr
         from drjit.llvm import ad
@@ -73,7 +83,6 @@ class Derivative:
         from whitted import probe
         from whitted.trace import Limits
 
-        across, along = (np.arange(POINTS) + 0.5) / POINTS, np.arange(POINTS) * ((5**0.5 - 1) / 2) % 1
         size, scene = ad.Array2f64(128, 128), self.scene
         limits = Limits(scene.max_depth, ad.UInt32(scene.max_depth), ad.Float64(scene.min_importance), ad.Float64(1))
 
@@ -84,7 +93,9 @@ class Derivative:
             dr.make_opaque(values)
             return there.shape, values
 
-        def seen(factor: float, x: int, y: int) -> tuple[np.ndarray, np.ndarray]:
+        @lru_cache(maxsize=2 * len(STEPS) + 1)
+        def seen(factor: float, x: int, y: int, points: int) -> tuple[np.ndarray, np.ndarray]:
+            across, along = (np.arange(points) + 0.5) / points, np.arange(points) * ((5**0.5 - 1) / 2) % 1
             place = ad.Float64(x + across), ad.Float64(y + along)
             dr.make_opaque(size, limits, place)
             color = [channel.numpy() for channel in probe.samples(*moved(factor), size, limits, *place)[0]][:3]
@@ -92,18 +103,18 @@ class Derivative:
 
         return seen
 
-    def pixel(self, x: int, y: int, enough: float) -> tuple[np.ndarray, np.ndarray]:
-        """Plain differences in one pixel, of the surest step, or the first with an error below `enough`, and with it.
+    def pixel(self, x: int, y: int, enough: float, points: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Plain differences in one pixel, the surest ones, or the first with an error below `enough`, and with it.
 
         That is how far those of half a step and of a whole one are apart, or those forward and backward, which are not the same
         where an edge comes into the pixel or leaves it; and at least what one point makes that an edge passes.
         """
         found = []
-        for step in STEPS:
-            seen = [self.plain(factor * step, x, y) for factor in (-1, -0.5, 0, 0.5, 1)]
+        for number, step in product(points, STEPS):
+            seen = [self.plain(factor * step, x, y, number) for factor in (-1, -0.5, 0, 0.5, 1)]
             means, h = [mean for mean, _ in seen], step * self.step
             half, whole = (means[3] - means[1]) / h, (means[4] - means[0]) / (2 * h)
-            bend, point = (means[4] - 2 * means[2] + means[0]) / h, seen[2][1] / (POINTS * h)
+            bend, point = (means[4] - 2 * means[2] + means[0]) / h, seen[2][1] / (number * h)
             found.append((half, max(whole - half, bend, point, key=np.linalg.norm)))
             if np.linalg.norm(found[-1][1]) < enough:
                 break
@@ -121,27 +132,27 @@ class Derivative:
         return 0.1 if kind == "camera" or owner in shiny or self.name.endswith(".ior") else 0.05
 
 
-def measure(derivative: Derivative) -> dict:
+def measure(derivative: Derivative, spp: int) -> dict:
     """The error of one derivative.
 
-    Differences with one step are compared, and those with another tell the reference's own error. Where it is not below a
-    third of the bound, or the derivative's not below half, pixels where these differ most have differences of their own.
+    Central differences are compared, and those forward tell the reference's own error. Where it is not below a third of
+    the bound, or the derivative's not below half, pixels where these differ most have differences of their own.
     """
     row = {"exact": derivative.exact(1), "bound": derivative.bound, "refined": 0}
-    if not row["exact"].any() and not derivative.differences(1, derivative.step).any():
+    if not row["exact"].any() and not derivative.differences(1)[0].any():
         return row
-    exact, step, bound = derivative.exact(16), derivative.step, row["bound"]
-    near, far = derivative.differences(REFERENCE, step), derivative.differences(REFERENCE, 2 * step)
+    exact, bound = derivative.exact(16), row["bound"]
+    near, far = derivative.differences(spp)
     if relative(exact, near) > bound / 2 or relative(far, near) > bound / 3:
         doubt = np.sqrt(np.maximum(((exact - near) ** 2).sum(2), ((far - near) ** 2).sum(2)))
         small = bound / 200 * np.linalg.norm(near)
-        for place in np.argsort(doubt.ravel())[: -REFINED - 1 : -1]:
+        for rank, place in enumerate(np.argsort(doubt.ravel())[: -REFINED - 1 : -1]):
             y, x = divmod(int(place), doubt.shape[1])
             if doubt[y, x] < small:
                 break
-            value, other = derivative.pixel(x, y, small)
+            value, other = derivative.pixel(x, y, small, POINTS if rank < FIRST else POINTS[:-1])
             error, claimed = np.linalg.norm(other - value), np.linalg.norm(far[y, x] - near[y, x])
-            # Surer, or so far from it that two steps agree by chance
+            # Surer, or so far from it that the images agree by chance
             if error < claimed or np.linalg.norm(near[y, x] - value) > 5 * error + claimed:
                 near[y, x], far[y, x] = value, other
                 row["refined"] += 1
@@ -206,14 +217,14 @@ def gradients(name: str, only: str) -> str:
     import whitted as wt
 
     scene = wt.load_scene(SCENES / f"{name}.toml", "double")
-    rows, kinds, start = {}, list(KINDS), time.perf_counter()
+    rows, kinds, start, still = {}, list(KINDS), time.perf_counter(), lru_cache(partial(image, scene))
     print(f"{name}, 128 x 128, spp 16: relative L2 error", flush=True)
     print(f"{'parameter':32}{'error':>9}{'reference':>11}{'refined':>9}{'of sum':>10}{'/ sum||':>10}{'bound':>7}")
     for parameter in scene.parameters():
         if not re.search(only, parameter):
             continue
-        derivative = Derivative(scene, parameter)
-        row = rows[parameter] = measure(derivative)
+        derivative = Derivative(scene, parameter, still)
+        row = rows[parameter] = measure(derivative, FEWER.get(name, REFERENCE))
         print(described(parameter, row), flush=True)
         kind = next((kind for kind in kinds if kind in parameter), None)
         errors = []
