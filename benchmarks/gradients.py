@@ -1,7 +1,7 @@
 """Errors of derivatives with edges: python benchmarks/gradients.py [--scene NAME] [--parameter REGEX]
 
 The forward derivative by every parameter at 16 samples a pixel, in double precision, against central differences of images
-with edges at 81 (whitted1980: 36), and of plain samples at 8192 to 262144 points in a pixel where those are not enough. Each
+with edges at 441 (whitted1980: 36), and of plain samples at 8192 to 262144 points in a pixel where those are not enough. Each
 error is written into docs/gradients.csv when it is measured, in place of an older one, and docs/gradients.png shows what is
 there (needs the `bench` extra). All scenes take some hours.
 """
@@ -23,8 +23,9 @@ FOLDER = Path(__file__).parent.parent / "docs"
 TABLE = FOLDER / "gradients.csv"
 COLUMNS = ("scene", "parameter", "error", "of the reference", "refined pixels", "of sum", "of the reference's sum", "of moduli")
 COLUMNS += ("bound", "spp 1", "spp 4")
-# Samples a pixel of a reference (not 64, which have the same finer grid as 16); of a scene where 81 take minutes fewer
-REFERENCE, FEWER = 81, {"whitted1980": 36}
+# Samples a pixel of a reference (not 64, which have the same finer grid as 16), and parts of the step, of which the surest is
+# taken; of a scene where these take minutes fewer
+REFERENCE, FEWER = (441, (1.0, 0.3)), {"whitted1980": (36, (1.0,))}
 # Where that is too coarse to tell whether a derivative is right, so many pixels are sampled anew, plainly: at so many points
 # and with other steps until the error is known well enough, with the most points only the first of them
 REFINED, POINTS, FIRST = 1500, (1 << 13, 1 << 15, 1 << 18), 50
@@ -71,10 +72,10 @@ class Derivative:
         """The image where the parameter is moved by a multiple of the step."""
         return image(self.scene.replace({self.name: self.value + factor * self.step * self.direction}), spp)
 
-    def differences(self, spp: int) -> tuple[np.ndarray, np.ndarray]:
+    def differences(self, spp: int, factor: float) -> tuple[np.ndarray, np.ndarray]:
         """Central differences, and forward ones. How far they are apart is the larger part of the central ones' error."""
-        forward, back = self.moved(spp, 1), self.moved(spp, -1)
-        return (forward - back) / (2 * self.step), (forward - self.still(spp)) / self.step
+        forward, back, h = self.moved(spp, factor), self.moved(spp, -factor), factor * self.step
+        return (forward - back) / (2 * h), (forward - self.still(spp)) / h
 
     def total(self, spp: int, near: float, far: float) -> tuple[float, float]:
         """The sum of the derivative's image of the surest step, from those of two steps on, and how far from the next's."""
@@ -145,17 +146,17 @@ class Derivative:
         return 0.1 if kind == "camera" or owner in shiny or self.name.endswith(".ior") else 0.05
 
 
-def measure(derivative: Derivative, spp: int) -> dict:
+def measure(derivative: Derivative, spp: int, factors: Sequence[float]) -> dict:
     """The error of one derivative.
 
     Central differences are compared, and those forward tell the reference's own error. Where it is not below a third of
     the bound, or the derivative's not below half, pixels where these differ most have differences of their own.
     """
     row = {"exact": derivative.exact(1), "bound": derivative.bound, "refined": 0}
-    if not row["exact"].any() and not derivative.differences(1)[0].any():
+    if not row["exact"].any() and not derivative.differences(1, 1)[0].any():
         return row
     exact, bound = derivative.exact(16), row["bound"]
-    near, far = derivative.differences(spp)
+    near, far = min((derivative.differences(spp, factor) for factor in factors), key=lambda pair: relative(*pair[::-1]))
     if relative(exact, near) > bound / 2 or relative(far, near) > bound / 3:
         doubt = np.sqrt(np.maximum(((exact - near) ** 2).sum(2), ((far - near) ** 2).sum(2)))
         small = bound / 200 * np.linalg.norm(near)
@@ -236,7 +237,7 @@ def gradients(name: str, only: str) -> str:
         if not re.search(only, parameter):
             continue
         derivative = Derivative(scene, parameter, still)
-        row = rows[parameter] = measure(derivative, FEWER.get(name, REFERENCE))
+        row = rows[parameter] = measure(derivative, *FEWER.get(name, REFERENCE))
         print(described(parameter, row), flush=True)
         kind = next((kind for kind in kinds if kind in parameter), None)
         errors = []
