@@ -121,14 +121,14 @@ class Derivative:
         """Plain differences in one pixel, the surest ones, or the first with an error below `enough`, and with it.
 
         That is how far those of half a step and of a whole one are apart, or those forward and backward, which are not the same
-        where an edge comes into the pixel or leaves it; and at least what one point makes that an edge passes.
+        where an edge comes into the pixel or leaves it; and at least what the lattice's error makes at an edge.
         """
         found = []
         for number, step in product(points, STEPS):
             seen = [self.plain(factor * step, x, y, number) for factor in (-1, -0.5, 0, 0.5, 1)]
             means, h = [mean for mean, _ in seen], step * self.step
             half, whole = (means[3] - means[1]) / h, (means[4] - means[0]) / (2 * h)
-            bend, point = (means[4] - 2 * means[2] + means[0]) / h, seen[2][1] / (number * h)
+            bend, point = (means[4] - 2 * means[2] + means[0]) / h, seen[2][1] / (number**0.75 * h)
             found.append((half, max(whole - half, bend, point, key=np.linalg.norm)))
             if np.linalg.norm(found[-1][1]) < enough:
                 break
