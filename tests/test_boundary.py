@@ -10,6 +10,7 @@ from gradcheck import adjoint_error, directions, image_difference, image_error, 
 from samples import FLOOR, LIGHT, SKY, scene, three
 
 from whitted import load_scene, render
+from whitted.camera import primary_ray, view
 
 SCENES = sorted((Path(__file__).parents[1] / "scenes").glob("*.toml"))
 AHEAD = "[camera]\nposition = [0, 0, 4]\nlook_at = [0, 0, 0]\nfov = 40\nresolution = [32, 32]\n"
@@ -369,14 +370,13 @@ def test_dozens_of_edges_between_two_samples_are_all_found():
     A search that gives up early loses edges whose neighbours would cancel them: errors of 50 %.
     """
     scene = load_scene(next(path for path in SCENES if path.stem == "whitted1980"), "double")
-    position, look_at = scene.camera.position.numpy().ravel(), scene.camera.look_at.numpy().ravel()
+    real = type(scene.camera.fov)
+    ahead = primary_ray(view(scene.camera, real(1)), real(0.352), real(-0.102))
     half = np.tan(np.radians(scene.camera.fov.numpy()[0] / 2))
-    forward = (look_at - position) / np.linalg.norm(look_at - position)
-    right = np.cross(forward, [0, 1, 0])
-    right /= np.linalg.norm(right)
-    towards = position + forward + half * (0.352 * right - 0.102 * np.cross(right, forward))
     name, direction = "spheres.mirror.center", np.array([0.3, -0.8, -0.5])
-    zoomed = scene.replace({"camera.look_at": towards, "camera.fov": np.degrees(2 * np.arctan(half / 128))})
+    zoomed = scene.replace(
+        {"camera.look_at": (ahead.o + ahead.d).numpy().ravel(), "camera.fov": np.degrees(2 * np.arctan(half / 128))}
+    )
     values, tangents = zoomed.parameters(name), {name: direction}
 
     def image(moved, spp=65536, **options):
