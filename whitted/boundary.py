@@ -47,20 +47,17 @@ Illumination Model for Shaded Display" (1980).
 from collections.abc import Iterator
 from dataclasses import replace
 
-import drjit as dr
 import numpy as np
 
 from . import probe, wavefront
-from .correction import Correction, Moving, numbers_of
+from .correction import Found, numbers_of
 from .crossing import Crossing, Segment
 from .edges import (
     Crossings,
-    Extra,
     Moves,
     Pairs,
     Samples,
     band_samples,
-    beside,
     crowded,
     deposit,
     fine_samples,
@@ -68,12 +65,10 @@ from .edges import (
     joined,
     label_counts,
     pairs_of,
-    stretches,
     take,
-    walk_order,
 )
 from .geometry import Array
-from .region import LANES, SAMPLES, Band, chunks, fetched, number, rows
+from .region import LANES, SAMPLES, Band, chunks, dealt, fetched, rows
 
 # Edges between samples that differ less, relative to the brighter one and for one sample a pixel, are left to the samples
 CONTRAST = 1 / 32
@@ -82,11 +77,9 @@ CONTRAST = 1 / 32
 ROUNDS, FEWER_ROUNDS = 24, 2
 # With one sample a pixel, those where edges meet are sampled more finely only if they are more than one in so many
 FEW = 8
-# Into how many pieces what lies beside one of several edges between two samples is cut, at most
-PIECES = 4
 
 
-def correct(band: Band, keep: bool) -> tuple[Array, Correction]:
+def correct(band: Band, keep: bool) -> tuple[Array, Found | None]:
     """A band's pixels, row-major with RGB interleaved, and, if it is to be kept, what their derivatives need."""
     return _Search(band, keep).run()
 
@@ -104,15 +97,13 @@ class _Search:
         self.image = self.flat.numpy()
         grid = labels.numpy().reshape((band.rows + 2) * band.side, -1)
         self.samples = band_samples(grid, colors.numpy().reshape(-1, 4), band.side, band.first_row)
-        self.taken = np.zeros(0)
         self.moves: dict[int, list[Moves]] = {}  # by the round of the search
         self.crossed: list[tuple[Pairs, Crossings, dict[str, np.ndarray]]] = []  # what derivatives need of each chunk
-        self.result = Correction(band)
 
-    def run(self) -> tuple[Array, Correction]:
+    def run(self) -> tuple[Array, Found | None]:
         band, samples = self.band, self.samples
         a, b, ends = flips(samples)
-        busy = crowded(samples, a, b, ends, len(self.image) // 3)
+        busy = crowded(ends, band.side)
         counts = label_counts(samples, busy, self.contrast)
         if band.side == 1:
             # Three labels are often one edge that ends at another. A few pixels of five are not worth samples of their own
@@ -133,16 +124,11 @@ class _Search:
         regular = pairs_of(samples, a.take(kept), b.take(kept), ends.take(kept, 1), self.contrast)
         fine = self.refine(places, traced)
         pairs = joined([regular, *(pairs_of(group, *flips(group), CONTRAST / group.side**2) for group in fine)])
-        if self.keep:
-            self.taken = np.zeros(sum(group.labels.size for group in (samples, *fine)), number(band.real))
         for part in chunks(len(pairs), LANES):
             self.cross(pairs if len(pairs) <= LANES else take(pairs, np.arange(part.start, part.stop)), part.start)
         self.move()
 
-        if self.keep:
-            self.keep_edges()
-            self.keep_samples(busy, fine)
-        return self.flat, self.result
+        return self.flat, Found(band, busy, fine, self.crossed) if self.keep else None
 
     def trace(self, fine: list[tuple[Samples, np.ndarray]]) -> list[tuple[Array, Array]]:
         """Begin to trace finer samples: their radiance and labels."""
@@ -166,27 +152,10 @@ class _Search:
             every = group.counted(np.arange(label.size))
             label, color = label.take(every), color.take(every, 0)
             result.append(replace(group, labels=label.reshape(shape), colors=color, first=number))
-            mean = color.reshape(*shape, 4)[:, 1:-1, 1:-1, :3].reshape(shape[0], -1, 3).mean(1)
-            self.image.reshape(-1, 3)[group.pixel.reshape(shape)[:, 1, 1]] = mean
+            inside = np.arange(label.size).reshape(shape)[:, 1:-1, 1:-1].reshape(shape[0], -1).T
+            self.image.reshape(-1, 3)[group.pixel.take(inside[0])] = color.take(inside, 0).mean(0)[:, :3]
             number, done = number + group.labels.size, done + len(places)
         return result
-
-    def keep_samples(self, busy: np.ndarray, fine: list[Samples]) -> None:
-        """What is left of the samples, for the derivatives."""
-        band, labels = self.band, self.samples.labels
-        side, columns = band.side, band.resolution[0]
-        taken = self.taken[: labels.size].reshape(labels.shape[1:])[side:-side, side:-side]
-        weights: Array = dr.empty(band.real, taken.size)
-        regular = weights.numpy().reshape(taken.shape)
-        np.subtract(1, taken, out=regular)
-        regular.reshape(band.rows, side, columns, side)[busy // columns, :, busy % columns] = 0
-        self.result.weights = weights
-        for group in fine:
-            weight = (1 - self.taken[group.first : group.first + group.pixel.size]) / group.side**2
-            inside = np.flatnonzero((group.pixel >= 0) & (weight != 0))
-            order = walk_order(group.colors[:, 3], group.labels.ravel())
-            whole = Extra(group.x, group.y, group.pixel, weight, np.zeros(len(weight), bool), order)
-            self.result.extra.append(take(whole, inside))
 
     def cross(self, pairs: Pairs, first: int) -> None:
         """Find the edges between pairs of samples, and what they move from pixel to pixel."""
@@ -212,26 +181,6 @@ class _Search:
             ordered = take(moves, np.argsort(moves.pair, kind="stable"))
             deposit(self.image, ordered.pixel, *(ordered.moved * channel for channel in ordered.jump))
 
-    def keep_edges(self) -> None:
-        """What edges do to the derivatives."""
-        if not self.crossed:
-            return
-        ends = np.concatenate([pairs.ends(found.pair[found.singular]) for pairs, found, _ in self.crossed], 1)
-        for pairs, found, edge in self.crossed:
-            lines, pair, taken = stretches(found, pairs, ends)
-            deposit(self.taken, pairs.sample.take(pair, 1), taken)
-            # Between edges close to each other, seen in curved mirrors, derivatives may change much
-            most = min(self.band.side, PIECES)
-            pieces = np.where(np.bincount(found.pair).take(pair) > 1, most, 1)
-            for count in {1, most}:
-                which = np.flatnonzero(pieces == count)
-                pixel, order = (column.take(pair.take(which), 1) for column in (pairs.pixel, pairs.order))
-                self.result.extra.append(beside(take(lines, which), count, pixel, order))
-            here = take(pairs, found.pair)
-            x = here.x + np.where(here.vertical, 0, found.along)
-            y = here.y + np.where(here.vertical, found.along, 0)
-            self.result.edges.append(Moving(x, y, here.pixel, found.change * (here.pixel >= 0), found.jump, edge))
-
 
 def _rounds(band: Band, pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray, Crossing]]:
     """Edges between pairs of samples, and then those in what is left of the segments: each one's pair, and its lane.
@@ -243,7 +192,8 @@ def _rounds(band: Band, pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray, 
         line = pairs.x, pairs.y, pairs.vertical, pairs.length
         return probe.crossings(*band.inputs, Segment(*band.lanes(*(value.take(pair) for value in line), *rest)))
 
-    pair, start, stop, ends = np.arange(len(pairs)), np.zeros(len(pairs)), pairs.length, pairs.label
+    pair = dealt(np.arange(len(pairs)))
+    start, stop, ends = np.zeros(len(pair)), pairs.length.take(pair), pairs.label.take(pair, 1)
     rounds = ROUNDS if band.side > 1 else FEWER_ROUNDS
     following = search(pair, start, stop, *ends) if len(pair) else None
     for left_over in reversed(range(rounds)):

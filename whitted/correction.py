@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields
-from functools import partial
+from functools import cached_property, partial
 
 import drjit as dr
 import numpy as np
@@ -11,17 +11,19 @@ from drjit.llvm import ad
 from . import probe, wavefront
 from .chain import Path
 from .derivative import Edge
-from .edges import Extra, deposit, joined, take
+from .edges import Crossings, Extra, Pairs, Samples, beside, deposit, joined, stretches, take, walk_order
 from .events import Event
 from .film import Film
 from .geometry import Array
-from .region import FAINT, LANES, Band, aligned, chunks, fetched, lanes, number, rows
+from .region import FAINT, LANES, Band, aligned, chunks, dealt, fetched, lanes, number, rows
 from .scene import Shape
 from .trace import Limits
 
 # Names of the fields of an edge's path and event
 PARTS = tuple(tuple(part.name for part in fields(kind)) for kind in (Path, Event))
 TERMS = ("both", "interior", "boundary")
+# Into how many pieces what lies beside one of several edges between two samples is cut, at most
+PIECES = 4
 WEIGHTS = (".reflection", ".refraction")
 
 
@@ -64,7 +66,7 @@ class Correction:
         if not self.extra or not wrt:
             return
         whole = joined(self.extra)
-        order = np.argsort(whole.order, kind="stable")
+        order = dealt(np.argsort(whole.order, kind="stable"))
         # Derivatives by a weight need rays that have little of it
         dim = not any(name.endswith(WEIGHTS) for name in wrt)
         for part in chunks(len(order), LANES):
@@ -113,6 +115,58 @@ class Correction:
         parts = [call() for call in calls]
         zero = {name: dr.zeros(type(value)) for name, value in wrt.items()}
         return {name: sum((part[name] for part in parts if name in part), start=zero[name]) for name in wrt}
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the search for a band's edges found, as far as derivatives need it."""
+
+    band: Band
+    busy: np.ndarray  # the pixels that are sampled anew, in order
+    fine: list[Samples]
+    crossed: list[tuple[Pairs, Crossings, dict[str, np.ndarray]]]  # by chunks of pairs, with the fields of their edges
+
+    @cached_property
+    def correction(self) -> Correction:
+        """Made for the first derivative, while kernels of what comes after the image may be running."""
+        band, result = self.band, Correction(self.band)
+        # What edges take away from samples, all of which are numbered
+        shape = (band.rows + 2) * band.side, (band.resolution[0] + 2) * band.side
+        first = shape[0] * shape[1]
+        taken = np.zeros(first + sum(group.pixel.size for group in self.fine), number(band.real))
+        ends = [pairs.ends(found.pair[found.singular]) for pairs, found, _ in self.crossed]
+        for pairs, found, edge in self.crossed:
+            lines, pair, part = stretches(found, pairs, np.concatenate(ends, 1))
+            deposit(taken, pairs.sample.take(pair, 1), part)
+            # Between edges close to each other, seen in curved mirrors, derivatives may change much
+            most = min(band.side, PIECES)
+            pieces = np.where(np.bincount(found.pair).take(pair) > 1, most, 1)
+            for count in {1, most}:
+                which = np.flatnonzero(pieces == count)
+                pixel, order = (column.take(pair.take(which), 1) for column in (pairs.pixel, pairs.order))
+                result.extra.append(beside(take(lines, which), count, pixel, order))
+            here = take(pairs, found.pair)
+            x = here.x + np.where(here.vertical, 0, found.along)
+            y = here.y + np.where(here.vertical, found.along, 0)
+            result.edges.append(Moving(x, y, here.pixel, found.change * (here.pixel >= 0), found.jump, edge))
+        for group in self.fine:
+            weight = (1 - taken[group.first : group.first + group.pixel.size]) / group.side**2
+            inside = np.flatnonzero((group.pixel >= 0) & (weight != 0))
+            order = walk_order(group.colors[:, 3], group.labels.ravel())
+            whole = Extra(group.x, group.y, group.pixel, weight, np.zeros(len(weight), bool), order)
+            result.extra.append(take(whole, inside))
+        result.weights = self._weights(taken[:first].reshape(shape))
+        return result
+
+    def _weights(self, taken: np.ndarray) -> Array:
+        """What the band's regular samples, of which edges take something away, count for, row by row of samples."""
+        side, columns = self.band.side, self.band.resolution[0]
+        inner = taken[side:-side, side:-side]
+        weights: Array = dr.empty(self.band.real, inner.size)
+        regular = weights.numpy().reshape(inner.shape)
+        np.subtract(1, inner, out=regular)
+        regular.reshape(self.band.rows, side, columns, side)[self.busy // columns, :, self.busy % columns] = 0
+        return weights
 
 
 def _unsigned(pixel: np.ndarray) -> np.ndarray:

@@ -93,14 +93,11 @@ def fine_samples(pixels: np.ndarray, side: int, columns: int, first_row: int) ->
         and what lies in another one of the pixels is traced there.
     """
     column, row = pixels % columns, pixels // columns
-    ring = np.arange(-1, side + 1) + 0.5
-    x = ((column * side)[:, None, None] + ring + 0 * ring[:, None]) / side
-    y = (((row + first_row) * side)[:, None, None] + ring[:, None] + 0 * ring) / side
-    grid = np.arange(ring.size**2).reshape(ring.size, ring.size)
-    inside = grid[1:-1, 1:-1]
-    pixel, traced = np.full((len(pixels), grid.size), -1), np.ones((len(pixels), grid.size), bool)
-    pixel[:, inside.ravel()] = pixels[:, None]
-    traced[:, grid[[0, 0, -1, -1], [0, -1, 0, -1]]] = False
+    grid, x, y, corners, inside = _ring(side)
+    x = ((column * side)[:, None] + x) / side
+    y = (((row + first_row) * side)[:, None] + y) / side
+    pixel, traced = np.where(inside, pixels[:, None], -1), np.ones(x.shape, bool)
+    traced[:, corners] = False
     twin = np.arange(pixel.size).reshape(pixel.shape)
 
     # What rings share with the pixel to the right or below
@@ -113,9 +110,21 @@ def fine_samples(pixels: np.ndarray, side: int, columns: int, first_row: int) ->
         twin[of_a], twin[of_b] = b[:, None] * grid.size + first, a[:, None] * grid.size + last
         traced[of_a] = traced[of_b] = False
         pixel[of_b] = -2
-    labels, colors = np.empty(x.shape, np.uint32), np.empty((0, 4))
+    labels, colors = np.empty((len(pixels), *grid.shape), np.uint32), np.empty((0, 4))
     columns_of = x.ravel(), y.ravel(), pixel.ravel(), twin.ravel()
     return Samples(labels, colors, *columns_of, side, 0, 0), np.flatnonzero(traced)
+
+
+@lru_cache
+def _ring(side: int) -> tuple[np.ndarray, ...]:
+    """The places of side * side samples and a ring around them, in rows; each one's column and row, from the first inside
+    and at its center; the places of corners, and whether each one is inside."""
+    ring = np.arange(-1, side + 1)
+    grid = np.arange(ring.size**2).reshape(ring.size, ring.size)
+    inside = np.zeros(grid.shape, bool)
+    inside[1:-1, 1:-1] = True
+    row, column = np.meshgrid(ring + 0.5, ring + 0.5, indexing="ij")
+    return grid, column.ravel(), row.ravel(), grid[[0, 0, -1, -1], [0, -1, 0, -1]], inside.ravel()
 
 
 def flips(samples: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -126,23 +135,26 @@ def flips(samples: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         a = np.flatnonzero(labels[step:] != labels[:-step])
         if labels.itemsize == 8:
             a = a.take(np.flatnonzero(differ(labels.take(a), labels.take(a + step))))
-        one, other = samples.pixel.take(a), samples.pixel.take(a + step)
+        pixel = samples.pixel.take(np.stack([a, a + step]))
         # Not those in the margin, among which are those from the end of a row to the next one's start
-        a = a.take(np.flatnonzero((np.maximum(one, other) >= 0) & (one >= -1)))
+        kept = np.flatnonzero((np.maximum(*pixel) >= 0) & (pixel[0] >= -1))
+        a, pixel = a.take(kept), pixel.take(kept, 1)
+        if samples.twin is not None:
+            pixel[1] = samples.pixel.take(samples.twin.take(a + step))
         places.append(a)
-        ends.append(samples.pixel.take(np.stack([a, samples.counted(a + step)])))
+        ends.append(pixel)
     a = np.concatenate(places)
     return a, a + np.repeat([1, columns], [len(part) for part in places]), np.concatenate(ends, 1)
 
 
-def crowded(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray, pixels: int) -> np.ndarray:
-    """The pixels, of so many, around which three labels may be."""
-    across = int(np.count_nonzero(b - a == 1))
-    sides = np.zeros(pixels + 1, np.uint8)
-    for one in (ends[0, :across], ends[1, :across], ends[0, across:], ends[1, across:]):
-        sides[one] += 1
-    # A single sample has another neighbour on each side, of several all may be on the same side
-    return np.flatnonzero(sides[:-1] > (samples.side == 1))
+def crowded(ends: np.ndarray, side: int) -> np.ndarray:
+    """The pixels among those of neighbours with different labels, of a band with so many samples a side, around which
+    three labels may be."""
+    touched = np.sort(ends, None)
+    if side == 1:
+        # A single sample has another neighbour on each side; of several all may be on the same side
+        touched = touched[1:].take(np.flatnonzero(touched[1:] == touched[:-1]))
+    return touched.take(np.flatnonzero(np.diff(touched, prepend=-1) != 0))
 
 
 def label_counts(samples: Samples, pixels: np.ndarray, least: float) -> np.ndarray:
@@ -153,14 +165,23 @@ def label_counts(samples: Samples, pixels: np.ndarray, least: float) -> np.ndarr
     near = start + _window(side, stride)[:, None]
     labels = samples.labels.ravel().take(near)
     halves = [labels] if labels.itemsize == 4 else [labels.astype(np.uint32), (labels >> 32).astype(np.uint32)]
-    around = [np.sort(half, 0) for half in halves]
-    distinct = [np.add.reduce(row[1:] != row[:-1], 0, dtype=np.uint16) for row in around]
-    counts = 1 + np.minimum(distinct[0], distinct[-1])
+    distinct = [_distinct(half) for half in halves]
+    counts = np.minimum(distinct[0], distinct[-1])
     several = np.flatnonzero(counts > 2)
     seen = samples.colors.take(near[:, several], 0)
     high = seen.max(0)
     counts[several[_largest(high - seen.min(0)) < least * _largest(high)]] = 1
     return counts
+
+
+def _distinct(labels: np.ndarray) -> np.ndarray:
+    """How many different labels each column has."""
+    if len(labels) == 5:
+        # Of so few, comparing all is faster than sorting
+        new = [~np.logical_or.reduce(labels[:k] == labels[k], 0) for k in range(1, 5)]
+        return 1 + np.add.reduce(new, 0, dtype=np.uint16)
+    ordered = np.sort(labels, 0)
+    return 1 + np.add.reduce(ordered[1:] != ordered[:-1], 0, dtype=np.uint16)
 
 
 def _largest(colors: np.ndarray) -> np.ndarray:

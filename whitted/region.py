@@ -18,6 +18,8 @@ from .trace import Limits
 SAMPLES = 1 << 20
 LANES = 1 << 17
 PACKET = 16
+# Hands to which packets are dealt out: threads get some each
+HANDS = 16
 # Edges that weigh less in a pixel, for one sample a pixel, are left to the samples
 FAINT = 1 / 8
 # The least weight of a ray of a sample beside an edge, for one sample a pixel
@@ -92,6 +94,12 @@ def aligned(array: np.ndarray, length: int) -> Array:
     memory = result.numpy()
     memory[: len(array)], memory[len(array) :] = array, 0
     return result
+
+
+def dealt(order: np.ndarray) -> np.ndarray:
+    """Lanes in order of their work, whose packets are dealt out to hands that follow each other: threads get equal shares."""
+    whole = len(order) // (HANDS * PACKET) * HANDS * PACKET
+    return np.concatenate([order[:whole].reshape(-1, HANDS, PACKET).swapaxes(0, 1).ravel(), order[whole:]])
 
 
 def fetched(value: Any) -> Any:

@@ -16,7 +16,7 @@ from drjit.llvm import ad
 
 from . import wavefront
 from .boundary import correct
-from .correction import TERMS, Correction
+from .correction import TERMS, Found
 from .film import Film, band
 from .geometry import Array
 from .region import FAINT, Band
@@ -184,7 +184,7 @@ class _BoundaryJob(_Job):
 
     terms: str = "both"
     keep: bool = False
-    corrections: dict[int, Correction] = field(default_factory=dict)
+    found: dict[int, Found] = field(default_factory=dict)
 
     @property
     def limits(self) -> Limits:
@@ -197,14 +197,14 @@ class _BoundaryJob(_Job):
         band = Band(self.scene.shape, self.parameters, self.limits, self.resolution, first, rows, self.side)
         # Edges are found by derivatives of their own
         with dr.resume_grad():
-            pixels, correction = correct(band, self.keep)
-        if self.keep:
-            self.corrections[first] = correction
+            pixels, found = correct(band, self.keep)
+        if found is not None:
+            self.found[first] = found
         return pixels
 
     def tangent(self, wrt: dict, tangents: dict) -> Array:
         dr.make_opaque(tangents)
-        return self._assemble(lambda first, _: self.corrections[first].tangent(dict(wrt), dict(tangents), self.terms))
+        return self._assemble(lambda first, _: self.found[first].correction.tangent(dict(wrt), dict(tangents), self.terms))
 
     def _adjoint(self, first: int, rows: int, wrt: dict, part: Array) -> dict:
-        return self.corrections[first].adjoint(wrt, part, self.terms)
+        return self.found[first].correction.adjoint(wrt, part, self.terms)
