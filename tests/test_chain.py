@@ -21,7 +21,7 @@ def looked(load, text, faint, path=None):
     ray = image_ray(camera, ad.Array2f64(SIDE, SIDE), ad.Float64(i + 0.5), ad.Float64(j + 0.5))
     least = None if scene.min_importance == 0 else ad.Float64(scene.min_importance)
     limits = Limits(scene.max_depth, ad.UInt32(scene.max_depth), least, ad.Float64(faint))
-    color, label = contrasted(scene, ray, path, limits) if path else labelled_radiance(scene, ray, limits)[:2]
+    color, label = contrasted(scene, ray, path, limits) if path else labelled_radiance(scene, ray, limits)
     return color.numpy(), label.numpy()
 
 

@@ -147,13 +147,13 @@ class _Search:
         result, number, done = [], self.samples.labels.size, 0
         for group, places in fine:
             shape, part = group.labels.shape, slice(done, done + len(places))
-            label, color = np.zeros(group.labels.size, labels.dtype), np.zeros((group.labels.size, 4), colors.dtype)
+            label, color = np.zeros(group.labels.size, labels.dtype), np.zeros((group.labels.size, 3), colors.dtype)
             label[places], color[places] = labels[part], colors[part]
             every = group.counted(np.arange(label.size))
             label, color = label.take(every), color.take(every, 0)
             result.append(replace(group, labels=label.reshape(shape), colors=color, first=number))
             inside = np.arange(label.size).reshape(shape)[:, 1:-1, 1:-1].reshape(shape[0], -1).T
-            self.image.reshape(-1, 3)[group.pixel.take(inside[0])] = color.take(inside, 0).mean(0)[:, :3]
+            self.image.reshape(-1, 3)[group.pixel.take(inside[0])] = color.take(inside, 0).mean(0)
             number, done = number + group.labels.size, done + len(places)
         return result
 

@@ -98,7 +98,7 @@ def contrasted(scene: Scene, ray: Ray, path: Path, limits: Limits) -> tuple[Arra
     What is too faint for an edge is left out unless the light of that node is in it: to both sides of the edge it is the same.
     """
     if not reflects(scene):
-        return labelled_radiance(scene, ray, limits)[:2]
+        return labelled_radiance(scene, ray, limits)
     uint, width = type(ray.source), dr.width(ray)
     least = limits.visible(scene)
 

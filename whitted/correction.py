@@ -152,7 +152,7 @@ class Found:
         for group in self.fine:
             weight = (1 - taken[group.first : group.first + group.pixel.size]) / group.side**2
             inside = np.flatnonzero((group.pixel >= 0) & (weight != 0))
-            order = walk_order(group.colors[:, 3], group.labels.ravel())
+            order = walk_order(group.labels.ravel())
             whole = Extra(group.x, group.y, group.pixel, weight, np.zeros(len(weight), bool), order)
             result.extra.append(take(whole, inside))
         result.weights = self._weights(taken[:first].reshape(shape))

@@ -35,7 +35,7 @@ class Samples:
     """Samples on one or more grids of the same shape; what is not in that shape has one row for each sample."""
 
     labels: np.ndarray  # (grids, rows, columns)
-    colors: np.ndarray  # (samples, 4): radiance and number of nodes
+    colors: np.ndarray  # (samples, 3 or 4): radiance, and maybe a zero
     x: np.ndarray  # image position
     y: np.ndarray
     pixel: np.ndarray  # that a sample counts for; -1 in the margin, where that belongs to a grid to the left or above -2
@@ -200,8 +200,8 @@ def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray, l
     """The neighbours that differ by more than a part of the brighter one, those across the same edge together."""
     one, other = samples.colors.take(a, 0), samples.colors.take(b, 0)
     kept = np.flatnonzero(_largest(np.abs(one - other)) > least * _largest(np.maximum(one, other)))
-    nodes, label = np.stack([one[:, 3], other[:, 3]]).take(kept, 1), samples.labels.ravel().take(np.stack([a, b])).take(kept, 1)
-    walks = walk_order(nodes, label)
+    label = samples.labels.ravel().take(np.stack([a, b]).take(kept, 1))
+    walks = walk_order(label)
     order = np.argsort(walks[0] + walks[1], kind="stable")
     kept = kept.take(order)
     a, b = a.take(kept), b.take(kept)
@@ -211,12 +211,9 @@ def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray, l
     return Pairs(x, y, b - a > 1, length, sample, label.take(order, 1), walks.take(order, 1), ends.take(kept, 1))
 
 
-def walk_order(nodes: np.ndarray, labels: np.ndarray) -> np.ndarray:
-    """Where walks through trees of rays come: large trees first, so that threads end together, and equal ones together.
-
-    Fifteen bits: NumPy sorts sixteen in linear time.
-    """
-    return (31 - np.minimum(nodes, 31)).astype(np.uint16) << 10 | (labels & 0x3FF).astype(np.uint16)
+def walk_order(labels: np.ndarray) -> np.ndarray:
+    """Where walks through trees of rays come: equal trees together. Sixteen bits, which NumPy sorts in linear time."""
+    return labels.astype(np.uint16)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from .frozen import frozen
 from .geometry import Array, Ray
 from .scene import Scene, Shape
 from .trace import Limits, labelled_radiance
-from .wavefront import of_scene, prepare, total, with_fourth
+from .wavefront import of_scene, prepare, total
 
 # The pixel of what is outside of the band
 NOWHERE = 0xFFFFFFFF
@@ -22,10 +22,10 @@ NOWHERE = 0xFFFFFFFF
 
 @frozen
 def samples(shape: Shape, parameters: dict, size: Array, limits: Limits, x: Array, y: Array) -> tuple[Array, Array]:
-    """Radiance and nodes of samples at image positions, and their labels."""
+    """Radiance of samples at image positions, and their labels."""
     scene, camera = prepare(shape.filled(parameters), size)
-    color, label, nodes = labelled_radiance(scene, image_ray(camera, size, x, y), limits)
-    return _in_lanes(x, with_fourth(color, nodes)), _in_lanes(x, label)
+    color, label = labelled_radiance(scene, image_ray(camera, size, x, y), limits)
+    return _in_lanes(x, color), _in_lanes(x, label)
 
 
 def _in_lanes(x: Array, value: Array) -> Array:

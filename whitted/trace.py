@@ -122,11 +122,11 @@ def radiance(scene: Scene, ray: Ray, limits: Limits) -> Array:
     return _walk(scene, ray, limits, ())[0]
 
 
-def labelled_radiance(scene: Scene, ray: Ray, limits: Limits) -> tuple[Array, Array, Array]:
-    """Radiance along rays, the labels of their trees, which are hashes of all decisions (`decisions.py`), and their nodes."""
+def labelled_radiance(scene: Scene, ray: Ray, limits: Limits) -> tuple[Array, Array]:
+    """Radiance along rays, and the labels of their trees, which are hashes of all decisions (`decisions.py`)."""
     nothing = dr.zeros(type(ray.source), dr.width(ray))
-    light, (nodes, *halves) = _walk(scene, ray, limits, tuple(nothing + k for k in range(1 + len(limits.visible(scene)))))
-    return light, joined(halves), nodes
+    light, halves = _walk(scene, ray, limits, tuple(nothing + k for k in range(1, 1 + len(limits.visible(scene)))))
+    return light, joined(halves)
 
 
 def labelled(scene: Scene, ray: Ray, at: Surface, weight: Array, active: list[Array], label: tuple, limits: Limits) -> tuple:
@@ -137,12 +137,10 @@ def labelled(scene: Scene, ray: Ray, at: Surface, weight: Array, active: list[Ar
 
 
 def _walk(scene: Scene, ray: Ray, limits: Limits, label: tuple) -> tuple[Array, tuple]:
-    """Radiance, and unless they are empty the count of nodes and the label's halves with all nodes' decisions mixed in."""
+    """Radiance, and unless they are empty the label's halves with all nodes' decisions mixed in."""
 
     def look(ray, at, weight, active, label):
-        if not label:
-            return label
-        return label[0] + 1, *labelled(scene, ray, at, weight, active, label[1:], limits)
+        return labelled(scene, ray, at, weight, active, label, limits) if label else label
 
     if not reflects(scene):
         at = surface(scene, ray, closest_hit(scene, ray))
