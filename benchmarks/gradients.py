@@ -13,7 +13,7 @@ import time
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property, lru_cache, partial
-from itertools import pairwise, product
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -25,11 +25,12 @@ COLUMNS = ("scene", "parameter", "error", "of the reference", "refined pixels", 
 COLUMNS += ("bound", "spp 1", "spp 4")
 # Samples a pixel of a reference (not 64, which have the same finer grid as 16), and parts of the step, of which the surest is
 # taken; of a scene where these take minutes fewer
-REFERENCE, FEWER = (441, (1.0, 0.3)), {"whitted1980": (36, (1.0,))}
+REFERENCE, FEWER = (441, (1.0, 0.3)), {"whitted1980": (36, (1.0, 0.1))}
 # Where that is too coarse to tell whether a derivative is right, so many pixels are sampled anew, plainly: at so many points
-# and with other steps until the error is known well enough, with the most points only the first of them
-REFINED, POINTS, FIRST = 1500, (1 << 13, 1 << 15, 1 << 18), 50
-STEPS = 4.0, 2.0, 8.0, 1.0, 16.0, 0.5
+# until the error is known well enough, with the most points only the first of them
+REFINED, POINTS, FIRST = 1500, (1 << 13, 1 << 16, 1 << 19), 150
+# Parts of the step there, each a quarter of the one before, and lattices of points that tell their noise
+STEPS, LATTICES = (16.0, 4.0, 1.0, 1 / 4, 1 / 16, 1 / 64), 4
 # Where the sum of the derivative's image is farther from the reference's, that is found with larger steps as well
 SUM, LARGER = 0.02, (4.0, 16.0, 64.0)
 KINDS = ("center", "radius", "normal", "offset", "color", "ior", "lights.", "camera.position", "fov")
@@ -87,9 +88,9 @@ class Derivative:
 
     @cached_property
     def plain(self):
-        """A function from parts of the step to the mean and the range of plain samples in a pixel, on a Fibonacci lattice.
+        """A function from a part of the step to the differences of plain samples in a pixel, on some shifted Fibonacci lattices.
 
-        They see every edge, whatever its direction, with an error like points^-3/4.
+        They see every edge, whatever its direction.
         """
         import drjit as dr
         from drjit.llvm import ad
@@ -107,33 +108,35 @@ class Derivative:
             dr.make_opaque(values)
             return there.shape, values
 
-        @lru_cache(maxsize=2 * len(STEPS) + 1)
-        def seen(factor: float, x: int, y: int, points: int) -> tuple[np.ndarray, np.ndarray]:
-            across, along = (np.arange(points) + 0.5) / points, np.arange(points) * ((5**0.5 - 1) / 2) % 1
-            place = ad.Float64(x + across), ad.Float64(y + along)
-            dr.make_opaque(size, limits, place)
-            color = [channel.numpy() for channel in probe.samples(*moved(factor), size, limits, *place)[0]][:3]
-            return np.array([channel.mean() for channel in color]), np.array([np.ptp(channel) for channel in color])
+        def differences(factor: float, x: int, y: int, points: int) -> np.ndarray:
+            shift, place = np.divmod(np.arange(points), points // LATTICES)
+            across, along = (place + 0.5) / (points // LATTICES), (place * ((5**0.5 - 1) / 2) + shift * (2**0.5 - 1)) % 1
+            at = ad.Float64(x + across), ad.Float64(y + along)
+            dr.make_opaque(size, limits, at)
+            ahead, back = (probe.samples(*moved(sign * factor), size, limits, *at)[0] for sign in (1, -1))
+            change = np.stack([channel.numpy() for channel in ahead - back])
+            return change.reshape(3, LATTICES, -1).mean(2) / (2 * factor * self.step)
 
-        return seen
+        return differences
 
     def pixel(self, x: int, y: int, enough: float, points: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-        """Plain differences in one pixel, the surest ones, or the first with an error below `enough`, and with it.
+        """Plain differences in one pixel, of the surest step and the least points with an error below `enough`, and with it.
 
-        That is how far those of half a step and of a whole one are apart, or those forward and backward, which are not the same
-        where an edge comes into the pixel or leaves it; and at least what the lattice's error makes at an edge.
+        A step's error is its lattices' noise, or how far it is from one of a smaller step by more than that one's noise, or,
+        as errors shrink at least like steps, a third of how far it is from that of the step before.
         """
-        found = []
-        for number, step in product(points, STEPS):
-            seen = [self.plain(factor * step, x, y, number) for factor in (-1, -0.5, 0, 0.5, 1)]
-            means, h = [mean for mean, _ in seen], step * self.step
-            half, whole = (means[3] - means[1]) / h, (means[4] - means[0]) / (2 * h)
-            bend, point = (means[4] - 2 * means[2] + means[0]) / h, seen[2][1] / (number**0.75 * h)
-            found.append((half, max(whole - half, bend, point, key=np.linalg.norm)))
-            if np.linalg.norm(found[-1][1]) < enough:
+        for number in points:
+            found = [self.plain(step, x, y, number) for step in STEPS]
+            values, noise = [each.mean(1) for each in found], [np.linalg.norm(each.std(1)) for each in found]
+            errors = []
+            for k, value in enumerate(values):
+                apart = [np.linalg.norm(value - values[j]) - noise[j] for j in range(k + 1, len(values))]
+                before = [np.linalg.norm(value - values[k - 1]) / 3] if k else []
+                errors.append(max(noise[k], *apart, *before))
+            best = int(np.argmin(errors))
+            if errors[best] < enough:
                 break
-        value, error = min(found, key=lambda pair: np.linalg.norm(pair[1]))
-        return value, value + error
+        return values[best], values[best] + errors[best] / 3**0.5
 
     @property
     def bound(self) -> float:
