@@ -359,7 +359,7 @@ def test_slivers_between_mirrors_need_their_samples_in_pieces(monkeypatch):
     reference, _ = image_difference(lambda moved: render(loaded.replace(moved), 400, **options), values, tangents, 1e-4)
     errors = []
     for pieces in (4, 1):
-        monkeypatch.setattr(sys.modules["whitted.boundary"], "PIECES", pieces)
+        monkeypatch.setattr(sys.modules["whitted.correction"], "PIECES", pieces)
         errors.append(image_error(derivative(loaded, name, spp=16, **options), reference))
     assert errors[0] < 0.7 * errors[1], errors
 

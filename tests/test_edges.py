@@ -57,7 +57,7 @@ def edges_of(pairs, singular, weight) -> Crossings:
     """An edge midway in each of the pairs."""
     n = len(pairs)
     none = np.zeros((3, n))
-    return Crossings(np.arange(n), pairs.length / 2, none, none[:2], np.full(n, weight), np.ones(n, bool), singular)
+    return Crossings(np.arange(n), pairs.length / 2, none, none[:2], np.full(n, weight), singular, np.ones(n, bool))
 
 
 @pytest.mark.parametrize("both", [True, False])

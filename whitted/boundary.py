@@ -18,8 +18,9 @@ The method, on the regular grid of samples with spacing h:
    level function phi along the segment (`crossing.py`). Where the labels beside the root are not those of the
    samples, more edges are in the segment, and the search goes on in what is left of it.
 3. The part of the segment's line that lies behind the crossing goes from one sample to the other: (c - middle) (f- - f+) h.
-   Beside silhouettes, where f is a + b sqrt(distance) + ... and its derivative infinite, and likewise at the onset of
-   total reflection, other samples are differentiated in place of the two (`quadrature.py`).
+   Beside silhouettes, where f is a + b sqrt(distance) + ... and its derivative infinite, likewise at the onset of total
+   reflection, and at a crease from which a surface runs off into the distance between two samples, other samples are
+   differentiated in place of the two (`quadrature.py`).
 4. Where a parameter moves, the crossing at c moves by -phi_theta / phi_c. The segment's line stands for a strip of width
    h, in which the edge is taken to be straight, and its area changes by h times that, of which each pixel gets the part
    of the edge that lies in it. phi_theta is the derivative along one chain of rays, in forward or in reverse mode.
@@ -125,7 +126,7 @@ class _Search:
         fine = self.refine(places, traced)
         pairs = joined([regular, *(pairs_of(group, *flips(group), CONTRAST / group.side**2) for group in fine)])
         for part in chunks(len(pairs), LANES):
-            self.cross(pairs if len(pairs) <= LANES else take(pairs, np.arange(part.start, part.stop)), part.start)
+            self.cross(pairs if len(pairs) <= LANES else take(pairs, np.arange(part.start, part.stop)))
         self.move()
 
         return self.flat, Found(band, busy, fine, self.crossed) if self.keep else None
@@ -157,18 +158,18 @@ class _Search:
             number, done = number + group.labels.size, done + len(places)
         return result
 
-    def cross(self, pairs: Pairs, first: int) -> None:
+    def cross(self, pairs: Pairs) -> None:
         """Find the edges between pairs of samples, and what they move from pixel to pixel."""
         groups, edges = [], []
         for round, (pair, lane, crossing) in enumerate(_rounds(self.band, pairs)):
             jump = rows(crossing.jump, lane)
-            move = Moves(pair + first, pairs.pixel.take(pair, 1), rows(crossing.moved, lane), jump)
+            move = Moves(pairs.pixel.take(pair, 1), rows(crossing.moved, lane), jump)
             self.moves.setdefault(round, []).append(move)
             if self.keep:
                 change = rows(crossing.change, lane)
                 moves = np.flatnonzero(change.any(0))
                 lane = lane.take(moves)
-                along, *kept = (getattr(crossing, name).take(lane) for name in ("along", "weight", "rising", "singular"))
+                along, *kept = (getattr(crossing, name).take(lane) for name in ("along", "weight", "singular", "behind"))
                 groups.append(Crossings(pair.take(moves), along, jump.take(moves, 1), change.take(moves, 1), *kept))
                 edges.append(numbers_of(crossing.edge, lane))
         if any(groups):
@@ -178,12 +179,11 @@ class _Search:
     def move(self) -> None:
         """Correct the pixels, in an order that does not depend on the chunks: sums are the same to the last bit."""
         for moves in map(joined, self.moves.values()):
-            ordered = take(moves, np.argsort(moves.pair, kind="stable"))
-            deposit(self.image, ordered.pixel, *(ordered.moved * channel for channel in ordered.jump))
+            deposit(self.image, moves.pixel, *(moves.moved * channel for channel in moves.jump))
 
 
 def _rounds(band: Band, pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray, Crossing]]:
-    """Edges between pairs of samples, and then those in what is left of the segments: each one's pair, and its lane.
+    """Edges between pairs of samples, and then those in what is left of the segments: each one's pair, in order, and lane.
 
     The crossings' arrays are NumPy's. While they are used, those of the next round are already being computed.
     """
@@ -210,4 +210,5 @@ def _rounds(band: Band, pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray, 
         following = search(pair, start, stop, *ends) if left_over and len(pair) else None
 
         lane = np.flatnonzero(crossing.found[:n])
+        lane = lane.take(np.argsort(here.take(lane), kind="stable"))
         yield here.take(lane), lane, crossing

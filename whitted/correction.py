@@ -15,7 +15,7 @@ from .edges import Crossings, Extra, Pairs, Samples, beside, deposit, joined, st
 from .events import Event
 from .film import Film
 from .geometry import Array
-from .region import FAINT, LANES, Band, aligned, chunks, dealt, fetched, lanes, number, rows
+from .region import FAINT, LANES, Band, aligned, chunks, fetched, lanes, number, rows
 from .scene import Shape
 from .trace import Limits
 
@@ -66,7 +66,7 @@ class Correction:
         if not self.extra or not wrt:
             return
         whole = joined(self.extra)
-        order = dealt(np.argsort(whole.order, kind="stable"))
+        order = np.argsort(whole.order, kind="stable")
         # Derivatives by a weight need rays that have little of it
         dim = not any(name.endswith(WEIGHTS) for name in wrt)
         for part in chunks(len(order), LANES):

@@ -11,7 +11,7 @@ from .camera import View, image_ray
 from .chain import Arrival, Path, contrasted, follow, heavier, strongest_difference
 from .decisions import CELLS, Decisions, decide, differ, flips
 from .derivative import Edge, level_jvp, push_forward
-from .events import CELL, NOTHING, SILHOUETTE, TOTAL, classify, level_function
+from .events import CELL, NOTHING, SILHOUETTE, TOTAL, classify, crease_cosines, level_function, place
 from .geometry import Array, Ray
 from .scene import Scene, closest_hit
 from .surface import checkers, surface
@@ -28,6 +28,9 @@ STEPS = 20
 # not), and how many cells away that is so, at half of which all motion counts
 FINE = 1
 FAR = 16
+# A cosine at which a surface is met, in units of how far the ray turns from one sample to the next, below which the surface
+# runs off into the distance between the two
+GRAZING = 1 / 4
 
 
 @dataclass
@@ -60,8 +63,8 @@ class Crossing:
     moved: Array  # Array2f: what the cells of a and of b gain as the edge is not midway, and at an angle to the segment
     change: Array  # Array2f: what they gain as the level function grows
     weight: Array  # the share of the edge that pairs of this direction account for; those of the other have the rest
-    rising: Array  # Bool: the level function rises from a to b
-    singular: Array  # Bool: near the edge radiance changes like the square root of the distance, and enough to matter
+    singular: Array  # Bool: near the edge radiance changes like the square root of the distance, or faster, and enough to matter
+    behind: Array  # Bool: it does so behind the edge, not before it
     jump: Array  # Array3f: radiance right before the edge less that right behind it
     label_before: Array  # UInt32 or UInt64: the labels there
     label_behind: Array
@@ -74,7 +77,7 @@ class Crossing:
 def cross(scene: Scene, camera: View, size: Array, segment: Segment, limits: Limits) -> Crossing:
     """Find an edge in a segment, and look at both its sides."""
     along, edge, reach = _locate(scene, camera, size, segment, limits)
-    slope, across, counts = _slopes(scene, camera, size, segment, along, limits, edge)
+    slope, across, counts, (on, other) = _slopes(scene, camera, size, segment, along, limits, edge)
     single = type(along) is ad.Float
     valid = (edge.event.kind != NOTHING) & dr.isfinite(along) & dr.isfinite(slope) & dr.isfinite(across) & (slope != 0)
     ulp = (2.0**-23 if single else 2.0**-52) * dr.fmax(size.x, size.y)
@@ -90,6 +93,7 @@ def cross(scene: Scene, camera: View, size: Array, segment: Segment, limits: Lim
     found = valid & differ(*label)
 
     rooted = (edge.event.kind == SILHOUETTE) | (edge.event.kind == TOTAL)
+    grazes = (on < GRAZING) | (other < GRAZING)
 
     # Scaled, as fourth powers leave the range of single precision
     largest = dr.fmax(dr.abs(slope), dr.abs(across))
@@ -110,8 +114,8 @@ def cross(scene: Scene, camera: View, size: Array, segment: Segment, limits: Lim
         moved=dr.select(found, moved, 0),
         change=dr.select(found, change, 0),
         weight=weight,
-        rising=slope > 0,
-        singular=rooted & (weight > SLIGHT) & (reach >= 2 * limits.faint),
+        behind=dr.select(grazes, other < on, slope > 0),
+        singular=(rooted | grazes) & (weight > SLIGHT) & (reach >= 2 * limits.faint),
         jump=dr.select(found, color[0] - color[1], 0),
         label_before=label[0],
         label_behind=label[1],
@@ -176,24 +180,33 @@ def _locate(scene: Scene, camera: View, size: Array, segment: Segment, limits: L
 
 def _slopes(
     scene: Scene, camera: View, size: Array, segment: Segment, along: Array, limits: Limits, edge: Edge
-) -> tuple[Array, Array, Array]:
-    """The slopes of an edge's level function along its segment and across it, per pixel, and how much of its motion counts."""
+) -> tuple[Array, Array, Array, list[Array]]:
+    """What an edge's level function does around the edge.
+
+    Returns:
+        Its slopes along the segment and across it, per pixel; how much of the edge's motion counts; and the cosines at which a
+        crease's surfaces are met, in units of how far the ray turns from one sample to the next.
+    """
     slopes = []
     for axis in range(2):
-        place = dr.detach(segment.at(along))
-        dr.enable_grad(place[axis])
-        ray = image_ray(camera, size, *place)
-        dr.set_grad(place[axis], 1)
-        push_forward(place[axis])
+        at = dr.detach(segment.at(along))
+        dr.enable_grad(at[axis])
+        ray = image_ray(camera, size, *at)
+        dr.set_grad(at[axis], 1)
+        push_forward(at[axis])
         slopes.append((dr.grad(ray.o), dr.grad(ray.d)))
-    ((right, *board_right), (down, *board_down)), away = level_jvp(scene, {}, dr.detach(ray), slopes, limits, edge)
+    moved, ray = level_jvp(scene, {}, dr.detach(ray), slopes, limits, edge)
+    (right, *board_right, turn_right), (down, *board_down, turn_down) = moved
+    turn = dr.norm(dr.select(segment.vertical, turn_down, turn_right)) * segment.length
+    cosines = [cosine / turn for cosine in crease_cosines(scene, ray, edge.event)]
     counts = type(along)(1)
     if checkers(scene):
         cells = [dr.abs(slope) * segment.length for slope in (*board_right, *board_down)]
         most = dr.fmax(dr.fmax(*cells[:2]), dr.fmax(*cells[2:]))
+        away = place(scene, ray, edge.event)[2]
         counts = dr.select(edge.event.kind == CELL, 1 - _smooth_step(FINE, CELLS, most) * _smooth_step(FAR / 2, FAR, away), 1)
     vertical = segment.vertical
-    return dr.select(vertical, down, right), dr.select(vertical, right, down), counts
+    return dr.select(vertical, down, right), dr.select(vertical, right, down), counts, cosines
 
 
 def _smooth_step(low: float, high: float, x: Array) -> Array:

@@ -90,15 +90,15 @@ def radiance_jvp(scene: Scene, tangents: Parameters, ray: Ray, o_slope: Array, d
 
 def level_jvp(
     scene: Scene, tangents: Parameters, ray: Ray, slopes: Sequence[tuple], limits: Limits, edge: "Edge"
-) -> tuple[list[tuple], Array]:
+) -> tuple[list[tuple], Ray]:
     """The derivatives of the level function of an event at the end of a chain, in several directions (forward mode).
 
     Args:
         slopes: for each direction, tangents of the rays' origins and directions; others are as for `radiance_jvp`.
 
     Returns:
-        For each direction the derivatives of the level function and of the column and the row of a checkerboard there, and
-        how far that is away (`events.place`).
+        For each direction the derivatives of the level function, of the column and the row of a checkerboard there
+        (`events.place`), and of the direction of the ray that arrives; and that ray.
     """
 
     def bounce(path, slopes, active):
@@ -124,11 +124,11 @@ def level_jvp(
     for slope in state[1]:
         inputs, moving, ray, _ = _moving(scene, tangents, state[0], slope)
         value, faint = level_function(moving, Arrival(ray, inputs[2]), edge.event, limits)
-        column, row, away = place(moving, ray, edge.event)
+        column, row, _ = place(moving, ray, edge.event)
         outputs = value + faint * inputs[2], column, row
         push_forward(inputs)
-        results.append(tuple(dr.grad(x) for x in outputs))
-    return results, away
+        results.append((*(dr.grad(x) for x in outputs), slope[1]))
+    return results, dr.detach(ray)
 
 
 def _moving(scene: Scene, tangents: Parameters, path: tuple, slope: tuple) -> tuple:

@@ -220,7 +220,6 @@ def walk_order(labels: np.ndarray) -> np.ndarray:
 class Moves:
     """What edges move between the pixels of pairs."""
 
-    pair: np.ndarray
     pixel: np.ndarray  # (2, N)
     moved: np.ndarray  # (2, N), in units of the jump
     jump: np.ndarray  # (3, N)
@@ -235,8 +234,8 @@ class Crossings:
     jump: np.ndarray  # (3, N): radiance before the edge less that behind it
     change: np.ndarray  # (2, N): how much more of it the cells of a and of b have as the level function grows
     weight: np.ndarray  # the share of the edge that pairs of this direction account for
-    rising: np.ndarray  # bool: the level function rises from a to b
-    singular: np.ndarray  # bool: near the edge radiance changes like the square root of the distance
+    singular: np.ndarray  # bool: near the edge radiance changes like the square root of the distance, or faster
+    behind: np.ndarray  # bool: it does so behind the edge, not before it
 
     def __len__(self) -> int:
         return len(self.pair)
@@ -276,7 +275,7 @@ def stretches(crossings: Crossings, pairs: Pairs, ends: np.ndarray) -> tuple[Str
     start = np.where(begins, -before, (c + np.roll(c, 1)) / 2)
     stop = np.where(last, h + behind, (c + np.roll(c, -1)) / 2)
     taken = np.stack([np.where(begins, 0.5 + before / h, 0), np.where(last, 0.5 + behind / h, 0)])
-    found_here = Stretch(here.x, here.y, here.vertical, h, c, start, stop, found.rising, share * h)
+    found_here = Stretch(here.x, here.y, here.vertical, h, c, start, stop, found.behind, share * h)
     return found_here, pair, taken * share * (here.pixel >= 0)
 
 

@@ -178,3 +178,16 @@ def place(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array, Array]:
         here, (u, v) = event.on == k, on_plane(p, dr.detach(board.normal))
         column, row, away = (dr.select(here, new / size, old) for new, old in ((u, column), (v, row), (t, away)))
     return column, row, away
+
+
+def crease_cosines(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array]:
+    """The cosines of the angles at which a ray meets the two surfaces of a crease, `on` and `other`; infinite at other events."""
+    t = dr.detach(_distance(scene, ray, event.on, event.inside))
+    p = ray.o + t * ray.d
+
+    def cosine(index: Array) -> Array:
+        sphere, plane, is_sphere = _chosen(scene, index)
+        n = dr.select(is_sphere, (p - sphere.center) / sphere.radius, plane.normal)
+        return dr.select(event.kind == CREASE, dr.abs(dr.dot(n, ray.d)), dr.inf)
+
+    return cosine(event.on), cosine(event.other)

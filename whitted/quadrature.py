@@ -2,7 +2,8 @@
 
 On one side of a silhouette, where the sphere is, radiance is a + b sqrt(distance) + c distance + ..., because so is the
 normal, and its derivative a / sqrt(distance) + b + ...; the same holds where refraction ends in total reflection. There
-two of Gauss's points in sqrt(distance) integrate radiance up to the term in distance, and its derivative as far. On the
+two of Gauss's points in sqrt(distance) integrate radiance up to the term in distance, and its derivative as far. They
+also do better than samples where a surface, met at a small angle, runs off into the distance between the two. On the
 other side there is one sample, in the middle. The border between the two neighbours' cells cuts one of the sides; the
 part between it and the edge has a sample of its own. Where several edges are between the neighbours, as where curved
 mirrors touch, what lies between two of them is small and bright, and each part is cut into pieces with as many samples.
