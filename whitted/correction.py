@@ -12,7 +12,7 @@ from . import probe, wavefront
 from .chain import Path
 from .derivative import Edge
 from .edges import Crossings, Extra, Pairs, Samples, beside, deposit, joined, stretches, take, walk_order
-from .events import Event
+from .events import CREASE, Event
 from .film import Film
 from .geometry import Array
 from .region import FAINT, LANES, Band, aligned, chunks, fetched, lanes, number, rows
@@ -138,9 +138,11 @@ class Found:
         for pairs, found, edge in self.crossed:
             lines, pair, part = stretches(found, pairs, np.concatenate(ends, 1))
             deposit(taken, pairs.sample.take(pair, 1), part)
-            # Between edges close to each other, seen in curved mirrors, derivatives may change much
-            most = min(band.side, PIECES)
-            pieces = np.where(np.bincount(found.pair).take(pair) > 1, most, 1)
+            # Between edges close to each other, seen in curved mirrors, derivatives may change much, and so at creases that are
+            # singular, from which a surface runs off into the distance
+            most, close = min(band.side, PIECES), np.bincount(found.pair) > 1
+            close[found.pair[edge["kind"] == CREASE]] = True
+            pieces = np.where(close.take(pair), most, 1)
             for count in {1, most}:
                 which = np.flatnonzero(pieces == count)
                 pixel, order = (column.take(pair.take(which), 1) for column in (pairs.pixel, pairs.order))
