@@ -29,8 +29,8 @@ REFERENCE, FEWER = (441, (1.0, 0.3)), {"whitted1980": (36, (1.0, 0.1))}
 # Where that is too coarse to tell whether a derivative is right, so many pixels are sampled anew, plainly: at so many points
 # until the error is known well enough, with the most points only the first of them
 REFINED, POINTS, FIRST = 1500, (1 << 13, 1 << 16, 1 << 19), 150
-# Parts of the step there, each a quarter of the one before, and lattices of points that tell their noise
-STEPS, LATTICES = (16.0, 4.0, 1.0, 1 / 4, 1 / 16, 1 / 64), 4
+# Parts of the step there, each a quarter of the one before; and twice the lattices' steps, squared
+STEPS, LATTICES = (16.0, 4.0, 1.0, 1 / 4, 1 / 16, 1 / 64), (2, 3, 5, 7, 11, 13, 17, 19)
 # Where the sum of the derivative's image is farther from the reference's, that is found with larger steps as well
 SUM, LARGER = 0.02, (4.0, 16.0, 64.0)
 KINDS = ("center", "radius", "normal", "offset", "color", "ior", "lights.", "camera.position", "fov")
@@ -88,9 +88,10 @@ class Derivative:
 
     @cached_property
     def plain(self):
-        """A function from a part of the step to the differences of plain samples in a pixel, on some shifted Fibonacci lattices.
+        """A function from a part of the step to the differences of plain samples in a pixel, and how unsure they are.
 
-        They see every edge, whatever its direction.
+        They are on some lattices, each of which sees edges well but those along its own directions. Their scatter tells the
+        noise, which is at least what a single point makes that an edge passes.
         """
         import drjit as dr
         from drjit.llvm import ad
@@ -108,26 +109,27 @@ class Derivative:
             dr.make_opaque(values)
             return there.shape, values
 
-        def differences(factor: float, x: int, y: int, points: int) -> np.ndarray:
-            shift, place = np.divmod(np.arange(points), points // LATTICES)
-            across, along = (place + 0.5) / (points // LATTICES), (place * ((5**0.5 - 1) / 2) + shift * (2**0.5 - 1)) % 1
+        def differences(factor: float, x: int, y: int, points: int) -> tuple[np.ndarray, float]:
+            lattice, place = np.divmod(np.arange(points), points // len(LATTICES))
+            across, along = (place + 0.5) / (points // len(LATTICES)), (place * np.sqrt(LATTICES)[lattice] / 2) % 1
             at = ad.Float64(x + across), ad.Float64(y + along)
             dr.make_opaque(size, limits, at)
             ahead, back = (probe.samples(*moved(sign * factor), size, limits, *at)[0] for sign in (1, -1))
-            change = np.stack([channel.numpy() for channel in ahead - back])
-            return change.reshape(3, LATTICES, -1).mean(2) / (2 * factor * self.step)
+            colors = np.stack([channel.numpy() for channel in (*ahead, *back)])
+            slopes = (colors[:3] - colors[3:]).reshape(3, len(LATTICES), -1).mean(2) / (2 * factor * self.step)
+            noise = slopes.std(1) * (2 / len(LATTICES) ** 0.5), np.ptp(colors[:3], 1) / (2 * factor * self.step * points)
+            return slopes.mean(1), max(np.linalg.norm(each) for each in noise)
 
         return differences
 
     def pixel(self, x: int, y: int, enough: float, points: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Plain differences in one pixel, of the surest step and the least points with an error below `enough`, and with it.
 
-        A step's error is its lattices' noise, or how far it is from one of a smaller step by more than that one's noise, or,
+        A step's error is its noise, or how far it is from one of a smaller step by more than that one's noise, or,
         as errors shrink at least like steps, a third of how far it is from that of the step before.
         """
         for number in points:
-            found = [self.plain(step, x, y, number) for step in STEPS]
-            values, noise = [each.mean(1) for each in found], [np.linalg.norm(each.std(1)) for each in found]
+            values, noise = zip(*(self.plain(step, x, y, number) for step in STEPS), strict=True)
             errors = []
             for k, value in enumerate(values):
                 apart = [np.linalg.norm(value - values[j]) - noise[j] for j in range(k + 1, len(values))]
