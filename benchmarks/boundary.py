@@ -163,9 +163,9 @@ def crossings(call) -> int:
     correct = module.correct
 
     def counted(band, keep):
-        pixels, correction = correct(band, keep)
-        found.extend(len(edges.x) for edges in correction.edges)
-        return pixels, correction
+        pixels, edges = correct(band, keep)
+        found.append(sum(len(crossings) for _, crossings, _ in edges.crossed))
+        return pixels, edges
 
     module.correct = counted
     try:
