@@ -20,6 +20,7 @@ from whitted.edges import (
     walk_order,
 )
 from whitted.quadrature import Stretch, nodes
+from whitted.region import HANDS, PACKET, dealt
 
 # 2 x 2 pixels with a margin of one; the label changes between the second column and the third
 STEP = np.array([[1, 1, 2, 2]] * 4, np.uint32)
@@ -171,6 +172,17 @@ def test_values_of_one_pixel_add_up_and_those_of_none_are_dropped():
     image = np.zeros(6)
     deposit(image, np.array([[2, -1], [2, 0]]), np.array([[1.0, 2], [3, 4]]), np.array([[10.0, 20], [30, 40]]))
     np.testing.assert_array_equal(image, [4, 40, 0, 0, 4, 40])
+
+
+def test_lanes_are_dealt_out_packet_by_packet():
+    order = np.arange(4 * HANDS * PACKET + 5)
+    lanes = dealt(order)
+    packets = lanes[:-5].reshape(HANDS, 4, PACKET)
+    # Each hand has packets from all parts of the order, in order; what is left over comes last
+    np.testing.assert_array_equal(packets[..., 0] // (HANDS * PACKET), [[0, 1, 2, 3]] * HANDS)
+    assert (np.diff(packets) == 1).all()
+    np.testing.assert_array_equal(np.sort(lanes), order)
+    np.testing.assert_array_equal(lanes[-5:], order[-5:])
 
 
 def test_walks_through_equal_trees_come_together():
