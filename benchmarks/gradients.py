@@ -91,7 +91,7 @@ class Derivative:
         """A function from a part of the step to the differences of plain samples in a pixel, and how unsure they are.
 
         They are on some lattices, each of which sees edges well but those along its own directions. Their scatter tells the
-        noise, which is at least what a single point makes that an edge passes.
+        noise, which is at least what two points make that an edge passes.
         """
         import drjit as dr
         from drjit.llvm import ad
@@ -111,13 +111,14 @@ class Derivative:
 
         def differences(factor: float, x: int, y: int, points: int) -> tuple[np.ndarray, float]:
             lattice, place = np.divmod(np.arange(points), points // len(LATTICES))
-            across, along = (place + 0.5) / (points // len(LATTICES)), (place * np.sqrt(LATTICES)[lattice] / 2) % 1
+            across = (place + (lattice + 0.5) / len(LATTICES)) / (points // len(LATTICES))
+            along = (place * np.sqrt(LATTICES)[lattice] / 2) % 1
             at = ad.Float64(x + across), ad.Float64(y + along)
             dr.make_opaque(size, limits, at)
             ahead, back = (probe.samples(*moved(sign * factor), size, limits, *at)[0] for sign in (1, -1))
             colors = np.stack([channel.numpy() for channel in (*ahead, *back)])
             slopes = (colors[:3] - colors[3:]).reshape(3, len(LATTICES), -1).mean(2) / (2 * factor * self.step)
-            noise = slopes.std(1) * (2 / len(LATTICES) ** 0.5), np.ptp(colors[:3], 1) / (2 * factor * self.step * points)
+            noise = slopes.std(1) * (2 / len(LATTICES) ** 0.5), np.ptp(colors[:3], 1) / (factor * self.step * points)
             return slopes.mean(1), max(np.linalg.norm(each) for each in noise)
 
         return differences
