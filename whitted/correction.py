@@ -134,9 +134,10 @@ class Found:
         shape = (band.rows + 2) * band.side, (band.resolution[0] + 2) * band.side
         first = shape[0] * shape[1]
         taken = np.zeros(first + sum(group.pixel.size for group in self.fine), number(band.real))
-        ends = [pairs.ends(found.pair[found.singular]) for pairs, found, _ in self.crossed]
+        ends = [np.zeros((2, 0), int), *(pairs.ends(found.pair[found.singular]) for pairs, found, _ in self.crossed)]
+        marked = np.concatenate(ends, 1)
         for pairs, found, edge in self.crossed:
-            lines, pair, part = stretches(found, pairs, np.concatenate(ends, 1))
+            lines, pair, part = stretches(found, pairs, marked)
             deposit(taken, pairs.sample.take(pair, 1), part)
             # Between edges close to each other, seen in curved mirrors, derivatives may change much, and so at creases that are
             # singular, from which a surface runs off into the distance

@@ -140,7 +140,7 @@ def flips(samples: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         kept = np.flatnonzero((np.maximum(*pixel) >= 0) & (pixel[0] >= -1))
         a, pixel = a.take(kept), pixel.take(kept, 1)
         if samples.twin is not None:
-            pixel[1] = samples.pixel.take(samples.twin.take(a + step))
+            pixel[1] = samples.pixel.take(samples.counted(a + step))
         places.append(a)
         ends.append(pixel)
     a = np.concatenate(places)

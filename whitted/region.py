@@ -97,7 +97,7 @@ def aligned(array: np.ndarray, length: int) -> Array:
 
 
 def dealt(order: np.ndarray) -> np.ndarray:
-    """Lanes in order of their work, whose packets are dealt out to hands that follow each other: threads get equal shares."""
+    """Lanes, of which neighbours do like work, with packets dealt out to hands in turn: threads get equal shares."""
     whole = len(order) // (HANDS * PACKET) * HANDS * PACKET
     return np.concatenate([order[:whole].reshape(-1, HANDS, PACKET).swapaxes(0, 1).ravel(), order[whole:]])
 
