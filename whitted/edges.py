@@ -130,31 +130,28 @@ def _ring(side: int) -> tuple[np.ndarray, ...]:
 def flips(samples: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Places of neighbours a and b with different labels, and (2, N) their pixels, of which one at least is not -1."""
     labels, columns = samples.labels.ravel(), samples.labels.shape[2]
-    places, ends = [], []
-    for step in (1, columns):
-        a = np.flatnonzero(labels[step:] != labels[:-step])
-        if labels.itemsize == 8:
-            a = a.take(np.flatnonzero(differ(labels.take(a), labels.take(a + step))))
-        pixel = samples.pixel.take(np.stack([a, a + step]))
-        # Not those in the margin, among which are those from the end of a row to the next one's start
-        kept = np.flatnonzero((np.maximum(*pixel) >= 0) & (pixel[0] >= -1))
-        a, pixel = a.take(kept), pixel.take(kept, 1)
-        if samples.twin is not None:
-            pixel[1] = samples.pixel.take(samples.counted(a + step))
-        places.append(a)
-        ends.append(pixel)
-    a = np.concatenate(places)
-    return a, a + np.repeat([1, columns], [len(part) for part in places]), np.concatenate(ends, 1)
+    places = [(np.flatnonzero(labels[step:] != labels[:-step]), step) for step in (1, columns)]
+    a, b = (np.concatenate(column) for column in zip(*((a, a + step) for a, step in places), strict=True))
+    if labels.itemsize == 8:
+        kept = np.flatnonzero(differ(labels.take(a), labels.take(b)))
+        a, b = a.take(kept), b.take(kept)
+    ends = samples.pixel.take(np.stack([a, b]))
+    # Not those in the margin, among which are those from the end of a row to the next one's start
+    kept = np.flatnonzero((np.maximum(*ends) >= 0) & (ends[0] >= -1))
+    a, b, ends = a.take(kept), b.take(kept), ends.take(kept, 1)
+    if samples.twin is not None:
+        ends[1] = samples.pixel.take(samples.counted(b))
+    return a, b, ends
 
 
 def crowded(ends: np.ndarray, side: int) -> np.ndarray:
     """The pixels among those of neighbours with different labels, of a band with so many samples a side, around which
     three labels may be."""
     touched = np.sort(ends, None)
-    if side == 1:
-        # A single sample has another neighbour on each side; of several all may be on the same side
-        touched = touched[1:].take(np.flatnonzero(touched[1:] == touched[:-1]))
-    return touched.take(np.flatnonzero(np.diff(touched, prepend=-1) != 0))
+    touched = touched[np.searchsorted(touched, 0) :]
+    again = np.diff(touched, prepend=-1) == 0
+    # A single sample has another neighbour on each side; of several all may be on the same side
+    return touched.take(np.flatnonzero(again[1:] > again[:-1]) + 1 if side == 1 else np.flatnonzero(~again))
 
 
 def label_counts(samples: Samples, pixels: np.ndarray, least: float) -> np.ndarray:
@@ -316,6 +313,7 @@ def deposit(image: np.ndarray, pixel: np.ndarray, *channels: np.ndarray) -> None
         channels: the values of each channel, in the shape of `pixel`.
     """
     kept = np.flatnonzero(pixel >= 0)
-    place, columns = pixel.take(kept), image.reshape(-1, len(channels)).T
+    # At numbers of this type NumPy adds without a copy
+    place, columns = pixel.take(kept).astype(np.intp), image.reshape(-1, len(channels)).T
     for column, values in zip(columns, channels, strict=True):
         np.add.at(column, place, values.take(kept).astype(image.dtype, copy=False))
