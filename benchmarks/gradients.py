@@ -1,7 +1,7 @@
 """Errors of derivatives with edges: python benchmarks/gradients.py [--scene NAME] [--parameter REGEX]
 
 The forward derivative by every parameter at 16 samples a pixel, in double precision, against central differences of images
-with edges at 441 (whitted1980: 36), and of plain samples at 8192 to 262144 points in a pixel where those are not enough. Each
+with edges at 441 (whitted1980: 36), and of plain samples at 8192 to 2097152 points in a pixel where those are not enough. Each
 error is written into docs/gradients.csv when it is measured, in place of an older one, and docs/gradients.png shows what is
 there (needs the `bench` extra). All scenes take some hours.
 """
@@ -27,8 +27,8 @@ COLUMNS += ("bound", "spp 1", "spp 4")
 # taken; of a scene where these take minutes fewer
 REFERENCE, FEWER = (441, (1.0, 0.3)), {"whitted1980": (36, (1.0, 0.1))}
 # Where that is too coarse to tell whether a derivative is right, so many pixels are sampled anew, plainly: at so many points
-# until the error is known well enough, with the most points only the first of them
-REFINED, POINTS, FIRST = 1500, (1 << 13, 1 << 18), 900
+# until the error is known well enough, with more points fewer of them
+POINTS = {1 << 13: 1500, 1 << 18: 900, 1 << 21: 40}
 # Parts of the step there, each a quarter of the one before; and twice the lattices' steps, squared
 STEPS, LATTICES = (16.0, 4.0, 1.0, 1 / 4, 1 / 16, 1 / 64), (2, 3, 5, 7, 11, 13, 17, 19)
 # Where the sum of the derivative's image is farther from the reference's, that is found with larger steps as well
@@ -126,19 +126,23 @@ class Derivative:
     def pixel(self, x: int, y: int, enough: float, points: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Plain differences in one pixel, of the surest step and the least points with an error below `enough`, and with it.
 
-        A step's error is its noise, or how far it is from one of a smaller step by more than that one's noise, or,
-        as errors shrink at least like steps, a third of how far it is from that of the step before.
+        A step's error is its noise, or how far it is from one of a smaller step by more than twice that one's noise, or,
+        as errors shrink at least like steps, a third of how far it is from that of the step before. With more points only
+        those steps are tried whose noise may get below the error so far.
         """
-        for number in points:
-            values, noise = zip(*(self.plain(step, x, y, number) for step in STEPS), strict=True)
+        steps = STEPS
+        for number, following in pairwise([*points, points[-1]]):
+            values, noise = zip(*(self.plain(step, x, y, number) for step in steps), strict=True)
             errors = []
             for k, value in enumerate(values):
-                apart = [np.linalg.norm(value - values[j]) - noise[j] for j in range(k + 1, len(values))]
+                apart = [np.linalg.norm(value - values[j]) - 2 * noise[j] for j in range(k + 1, len(values))]
                 before = [np.linalg.norm(value - values[k - 1]) / 3] if k else []
                 errors.append(max(noise[k], *apart, *before))
             best = int(np.argmin(errors))
             if errors[best] < enough:
                 break
+            quieter = (following / number) ** 0.75
+            steps = STEPS[: max(3, sum(each < quieter * errors[best] for each in noise))]
         return values[best], values[best] + errors[best] / 3**0.5
 
     @property
@@ -166,11 +170,11 @@ def measure(derivative: Derivative, spp: int, factors: Sequence[float]) -> dict:
     if relative(exact, near) > bound / 2 or relative(far, near) > bound / 3:
         doubt = np.sqrt(np.maximum(((exact - near) ** 2).sum(2), ((far - near) ** 2).sum(2)))
         small = bound / 200 * np.linalg.norm(near)
-        for rank, place in enumerate(np.argsort(doubt.ravel())[: -REFINED - 1 : -1]):
+        for rank, place in enumerate(np.argsort(doubt.ravel())[: -max(POINTS.values()) - 1 : -1]):
             y, x = divmod(int(place), doubt.shape[1])
             if doubt[y, x] < small:
                 break
-            value, other = derivative.pixel(x, y, small, POINTS if rank < FIRST else POINTS[:-1])
+            value, other = derivative.pixel(x, y, small, [number for number, most in POINTS.items() if rank < most])
             error, claimed = np.linalg.norm(other - value), np.linalg.norm(far[y, x] - near[y, x])
             # Surer, or so far from it that the images agree by chance
             if error < claimed or np.linalg.norm(near[y, x] - value) > 5 * error + claimed:

@@ -26,14 +26,9 @@ from whitted.region import HANDS, PACKET, dealt
 STEP = np.array([[1, 1, 2, 2]] * 4, np.uint32)
 
 
-def bright(labels):
-    """A color for each label, all of them different, and one node."""
-    return np.outer(labels.ravel(), [1, 2, 4, 0]).astype(np.float32) + np.float32([0, 0, 0, 1])
-
-
 def dense_pairs(labels, side=1, first_row=0) -> Pairs:
-    samples = band_samples(labels, bright(labels), side, first_row)
-    return pairs_of(samples, *flips(samples), 0)
+    samples = band_samples(labels, side, first_row)
+    return pairs_of(samples, *flips(samples))
 
 
 def test_pairs_lie_across_a_vertical_edge():
@@ -89,9 +84,9 @@ def test_labels_of_two_halves_differ_in_both():
     one = STEP.astype(np.uint64)
     for labels, edges in ((one, 0), (one << 32, 0), (one | one << 32, 2), (one | STEP.T.astype(np.uint64) << 32, 0)):
         assert len(dense_pairs(labels)) == edges
-    samples = band_samples(one | one << 32, bright(STEP), 1, 0)
-    assert label_counts(samples, np.arange(4), 0).tolist() == [2] * 4
-    assert label_counts(replace(samples, labels=one[None]), np.arange(4), 0).tolist() == [1] * 4
+    samples = band_samples(one | one << 32, 1, 0)
+    assert label_counts(samples, np.arange(4)).tolist() == [2] * 4
+    assert label_counts(replace(samples, labels=one[None]), np.arange(4)).tolist() == [1] * 4
 
 
 def test_several_samples_a_pixel():
@@ -104,28 +99,16 @@ def test_several_samples_a_pixel():
     assert set(pairs.x.tolist()) == {1.25}
 
 
-@pytest.mark.parametrize(("least", "left"), [(0.4, 2), (0.6, 0)])
-def test_pairs_without_contrast_are_left_out(least, left):
-    colors = np.where(STEP.ravel()[:, None] == 2, [0.5, 1, 1, 1], [0.5, 0.5, 1, 9]).astype(np.float32)
-    samples = band_samples(STEP, colors, 1, 0)
-    assert len(pairs_of(samples, *flips(samples), least)) == left
-
-
 def test_labels_are_counted_among_the_nearest():
     labels = np.array([[9, 1, 1, 9], [1, 1, 2, 2], [3, 3, 2, 2], [9, 3, 2, 9]], np.uint32)
-    colors = np.ones((16, 4), np.float32)
-    colors[::2] = 0.2
-    samples = band_samples(labels, colors, 1, 0)
+    samples = band_samples(labels, 1, 0)
     # Pixel 0 sees 1, 2, 3; pixel 1 sees 1, 2; pixel 2 sees 1, 2, 3; pixel 3 only 2 and 3; corners do not count
-    assert label_counts(samples, np.arange(4), 0.1).tolist() == [3, 2, 3, 2]
-    # Without contrast edges that meet are not worth more samples
-    samples = replace(samples, colors=np.ones((16, 4), np.float32))
-    assert label_counts(samples, np.arange(4), 0.1).tolist() == [1, 2, 1, 2]
+    assert label_counts(samples, np.arange(4)).tolist() == [3, 2, 3, 2]
 
 
 def test_pixels_with_three_labels_are_crowded():
     labels = np.array([[1, 1, 1, 1], [1, 2, 1, 1], [1, 1, 1, 1], [1, 1, 1, 1]], np.uint32)
-    samples = band_samples(labels, bright(labels), 1, 0)
+    samples = band_samples(labels, 1, 0)
     # Four pairs surround pixel 0, of which its neighbours have one each
     assert crowded(flips(samples)[2], 1).tolist() == [0]
 
@@ -154,7 +137,7 @@ def test_finer_samples_of_neighbours_are_traced_once(step, columns):
     labels = np.where(samples.pixel.take(samples.twin) == 5 + step, 2, 1).astype(np.uint32).reshape(2, 4, 4)
     labels[1] = [[2, 2, 2, 3]] * 4 if step == 1 else [[2] * 4] * 3 + [[3] * 4]
     samples = replace(samples, labels=labels)
-    pairs = pairs_of(replace(samples, colors=bright(labels)), *flips(samples), 0)
+    pairs = pairs_of(samples, *flips(samples))
     assert sorted(pairs.pixel.T.tolist()) == [[5, 5 + step]] * 2 + [[5 + step, -1]] * 2
     assert set(pairs.sample[1][pairs.pixel[1] >= 0].tolist()) == ({21, 25} if step == 1 else {21, 22})
 
@@ -162,7 +145,7 @@ def test_finer_samples_of_neighbours_are_traced_once(step, columns):
 def test_finer_pairs_count_only_in_their_pixel():
     labels = np.array([[[1, 2, 2, 3]] * 4], np.uint32)
     samples = replace(fine_samples(np.array([5]), 2, 4, first_row=0)[0], labels=labels)
-    pairs = pairs_of(replace(samples, colors=bright(labels), first=100), *flips(samples), 0)
+    pairs = pairs_of(replace(samples, first=100), *flips(samples))
     assert pairs.pixel.T.tolist() == [[-1, 5]] * 2 + [[5, -1]] * 2
     assert pairs.sample.T.tolist() == [[104, 105], [108, 109], [106, 107], [110, 111]]
     assert pairs.length.tolist() == [0.5] * 4

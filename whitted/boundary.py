@@ -33,10 +33,10 @@ The method, on the regular grid of samples with spacing h:
 Its cost follows the number of edges: for each some chains of rays, and of four trees what weighs enough to have an edge.
 
 What it leaves to the samples, less of it the more samples a pixel has: edges of nodes that weigh less than FAINT / spp in
-the pixel (`render.py`), and where neighbours differ by less than CONTRAST / spp; edges of an object or a gap that lies
-between two samples of the same label; checkerboards where several cells lie between two samples. What moves with those fades
-out as cells get smaller (`crossing.py`): were it to end at once, the last edge would lack the one that cancels it. Derivatives
-by a weight below FAINT / spp, for which edges in what it reflects or refracts are such, have four times the samples instead.
+the pixel (`render.py`); edges of an object or a gap that lies between two samples of the same label; checkerboards where
+several cells lie between two samples. What moves with those fades out as cells get smaller (`crossing.py`): were it to end at
+once, the last edge would lack the one that cancels it. Derivatives by a weight below FAINT / spp, for which edges in what it
+reflects or refracts are such, have four times the samples instead.
 
 Sources: Reynolds transport and edge sampling, T.-M. Li et al., "Differentiable Monte Carlo Ray Tracing through Edge
 Sampling" (2018); discontinuities of programs, S. Bangaru et al., "Systematically Differentiating Parametric
@@ -71,8 +71,6 @@ from .edges import (
 from .geometry import Array
 from .region import LANES, SAMPLES, Band, chunks, dealt, fetched, rows
 
-# Edges between samples that differ less, relative to the brighter one and for one sample a pixel, are left to the samples
-CONTRAST = 1 / 32
 # Searches for edges in what is left of a segment, with several samples a pixel and with a single one. Beside the outline of
 # glass, where it mirrors all that is around it, segments of dozens of edges are common
 ROUNDS, FEWER_ROUNDS = 24, 2
@@ -93,11 +91,10 @@ class _Search:
 
     def __init__(self, band: Band, keep: bool) -> None:
         self.band, self.keep = band, keep
-        self.contrast = CONTRAST / band.side**2
-        self.flat, colors, labels = wavefront.labelled_image(band.shape, band.parameters, band.film(1), band.limits)
+        self.flat, labels = wavefront.labelled_image(band.shape, band.parameters, band.film(1), band.limits)
         self.image = self.flat.numpy()
         grid = labels.numpy().reshape((band.rows + 2) * band.side, -1)
-        self.samples = band_samples(grid, colors.numpy().reshape(-1, 4), band.side, band.first_row)
+        self.samples = band_samples(grid, band.side, band.first_row)
         self.moves: dict[int, list[Moves]] = {}  # by the round of the search
         self.crossed: list[tuple[Pairs, Crossings, dict[str, np.ndarray]]] = []  # what derivatives need of each chunk
 
@@ -105,7 +102,7 @@ class _Search:
         band, samples = self.band, self.samples
         a, b, ends = flips(samples)
         busy = crowded(ends, band.side)
-        counts = label_counts(samples, busy, self.contrast)
+        counts = label_counts(samples, busy)
         if band.side == 1:
             # Three labels are often one edge that ends at another. A few pixels of five are not worth samples of their own
             five = (counts == 5) & (FEW * np.count_nonzero(counts == 5) >= np.count_nonzero(counts > 2))
@@ -122,9 +119,9 @@ class _Search:
         apart[busy] = apart[-1] = True
         ends[apart.take(ends)] = -1
         kept = np.flatnonzero(np.maximum(*ends) >= 0)
-        regular = pairs_of(samples, a.take(kept), b.take(kept), ends.take(kept, 1), self.contrast)
+        regular = pairs_of(samples, a.take(kept), b.take(kept), ends.take(kept, 1))
         fine = self.refine(places, traced)
-        pairs = joined([regular, *(pairs_of(group, *flips(group), CONTRAST / group.side**2) for group in fine)])
+        pairs = joined([regular, *(pairs_of(group, *flips(group)) for group in fine)])
         for part in chunks(len(pairs), LANES):
             self.cross(pairs if len(pairs) <= LANES else take(pairs, np.arange(part.start, part.stop)))
         self.move()
@@ -140,7 +137,7 @@ class _Search:
         return [probe.samples(*self.band.inputs, *self.band.lanes(x[part], y[part])) for part in parts]
 
     def refine(self, fine: list[tuple[Samples, np.ndarray]], traced: list[tuple[Array, Array]]) -> list[Samples]:
-        """The finer samples with radiance and labels; pixels get their mean."""
+        """The finer samples with labels; pixels get the mean of their radiance."""
         if not traced:
             return []
         colors = np.concatenate([fetched(color) for color, _ in traced], 1).T
@@ -150,9 +147,8 @@ class _Search:
             shape, part = group.labels.shape, slice(done, done + len(places))
             label, color = np.zeros(group.labels.size, labels.dtype), np.zeros((group.labels.size, 3), colors.dtype)
             label[places], color[places] = labels[part], colors[part]
-            every = group.counted(np.arange(label.size))
-            label, color = label.take(every), color.take(every, 0)
-            result.append(replace(group, labels=label.reshape(shape), colors=color, first=number))
+            label = label.take(group.counted(np.arange(label.size)))
+            result.append(replace(group, labels=label.reshape(shape), first=number))
             inside = np.arange(label.size).reshape(shape)[:, 1:-1, 1:-1].reshape(shape[0], -1).T
             self.image.reshape(-1, 3)[group.pixel.take(inside[0])] = color.take(inside, 0).mean(0)
             number, done = number + group.labels.size, done + len(places)

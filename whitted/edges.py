@@ -35,7 +35,6 @@ class Samples:
     """Samples on one or more grids of the same shape; what is not in that shape has one row for each sample."""
 
     labels: np.ndarray  # (grids, rows, columns)
-    colors: np.ndarray  # (samples, 3 or 4): radiance, and maybe a zero
     x: np.ndarray  # image position
     y: np.ndarray
     pixel: np.ndarray  # that a sample counts for; -1 in the margin, where that belongs to a grid to the left or above -2
@@ -70,9 +69,9 @@ class Pairs:
         return self.sample.take(which, 1) * 2 + self.vertical.take(which)
 
 
-def band_samples(labels: np.ndarray, colors: np.ndarray, side: int, first_row: int) -> Samples:
+def band_samples(labels: np.ndarray, side: int, first_row: int) -> Samples:
     """The samples of a band with a margin of one pixel, row by row."""
-    return Samples(labels[None], colors, *_band_grid(labels.shape, side), None, side, 0, first_row)
+    return Samples(labels[None], *_band_grid(labels.shape, side), None, side, 0, first_row)
 
 
 @lru_cache(maxsize=2)
@@ -89,8 +88,8 @@ def fine_samples(pixels: np.ndarray, side: int, columns: int, first_row: int) ->
     """side * side samples in each of a band's pixels, which are in order, and a ring of samples around it.
 
     Returns:
-        The samples without their labels and colors, and the places of those to be traced: in a ring, corners have no use,
-        and what lies in another one of the pixels is traced there.
+        The samples without their labels, and the places of those to be traced: in a ring, corners have no use, and what lies
+        in another one of the pixels is traced there.
     """
     column, row = pixels % columns, pixels // columns
     grid, x, y, corners, inside = _ring(side)
@@ -110,9 +109,8 @@ def fine_samples(pixels: np.ndarray, side: int, columns: int, first_row: int) ->
         twin[of_a], twin[of_b] = b[:, None] * grid.size + first, a[:, None] * grid.size + last
         traced[of_a] = traced[of_b] = False
         pixel[of_b] = -2
-    labels, colors = np.empty((len(pixels), *grid.shape), np.uint32), np.empty((0, 4))
-    columns_of = x.ravel(), y.ravel(), pixel.ravel(), twin.ravel()
-    return Samples(labels, colors, *columns_of, side, 0, 0), np.flatnonzero(traced)
+    labels = np.empty((len(pixels), *grid.shape), np.uint32)
+    return Samples(labels, x.ravel(), y.ravel(), pixel.ravel(), twin.ravel(), side, 0, 0), np.flatnonzero(traced)
 
 
 @lru_cache
@@ -154,21 +152,15 @@ def crowded(ends: np.ndarray, side: int) -> np.ndarray:
     return touched.take(np.flatnonzero(again[1:] > again[:-1]) + 1 if side == 1 else np.flatnonzero(~again))
 
 
-def label_counts(samples: Samples, pixels: np.ndarray, least: float) -> np.ndarray:
-    """How many labels the samples of a band's pixel and its neighbours' nearest have; 1 where their contrast is too small."""
+def label_counts(samples: Samples, pixels: np.ndarray) -> np.ndarray:
+    """How many labels the samples of a band's pixel and its neighbours' nearest have."""
     side, stride = samples.side, samples.labels.shape[2]
     columns = stride // side - 2
     start = (pixels // columns + 1) * side * stride + (pixels % columns + 1) * side
-    near = start + _window(side, stride)[:, None]
-    labels = samples.labels.ravel().take(near)
+    labels = samples.labels.ravel().take(start + _window(side, stride)[:, None])
     halves = [labels] if labels.itemsize == 4 else [labels.astype(np.uint32), (labels >> 32).astype(np.uint32)]
     distinct = [_distinct(half) for half in halves]
-    counts = np.minimum(distinct[0], distinct[-1])
-    several = np.flatnonzero(counts > 2)
-    seen = samples.colors.take(near[:, several], 0)
-    high = seen.max(0)
-    counts[several[_largest(high - seen.min(0)) < least * _largest(high)]] = 1
-    return counts
+    return np.minimum(distinct[0], distinct[-1])
 
 
 def _distinct(labels: np.ndarray) -> np.ndarray:
@@ -181,11 +173,6 @@ def _distinct(labels: np.ndarray) -> np.ndarray:
     return 1 + np.add.reduce(ordered[1:] != ordered[:-1], 0, dtype=np.uint16)
 
 
-def _largest(colors: np.ndarray) -> np.ndarray:
-    """The largest of the channels of colors, shape (..., 3)."""
-    return np.maximum(np.maximum(colors[..., 0], colors[..., 1]), colors[..., 2])
-
-
 @lru_cache
 def _window(side: int, stride: int) -> np.ndarray:
     """Places of a pixel's samples and its neighbours' nearest, from the pixel's first sample, in rows of `stride` samples."""
@@ -193,19 +180,16 @@ def _window(side: int, stride: int) -> np.ndarray:
     return np.unique(np.concatenate([inner * stride + across, across * stride + inner]))
 
 
-def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray, least: float) -> Pairs:
-    """The neighbours that differ by more than a part of the brighter one, those across the same edge together."""
-    one, other = samples.colors.take(a, 0), samples.colors.take(b, 0)
-    kept = np.flatnonzero(_largest(np.abs(one - other)) > least * _largest(np.maximum(one, other)))
-    label = samples.labels.ravel().take(np.stack([a, b]).take(kept, 1))
+def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray) -> Pairs:
+    """Neighbours with different labels, those across the same edge together."""
+    label = samples.labels.ravel().take(np.stack([a, b]))
     walks = walk_order(label)
     order = np.argsort(walks[0] + walks[1], kind="stable")
-    kept = kept.take(order)
-    a, b = a.take(kept), b.take(kept)
+    a, b = a.take(order), b.take(order)
     sample = samples.counted(np.stack([a, b])) + samples.first
     x, y = samples.x.take(a), samples.y.take(a) + samples.top
     length = np.full(len(a), 1 / samples.side)
-    return Pairs(x, y, b - a > 1, length, sample, label.take(order, 1), walks.take(order, 1), ends.take(kept, 1))
+    return Pairs(x, y, b - a > 1, length, sample, label.take(order, 1), walks.take(order, 1), ends.take(order, 1))
 
 
 def walk_order(labels: np.ndarray) -> np.ndarray:

@@ -65,20 +65,19 @@ def image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> Array:
 
 
 @frozen
-def labelled_image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> tuple[Array, Array, Array]:
-    """A band's pixels, and of its samples and those in its margin, row by row: radiance in four channels, and labels."""
+def labelled_image(shape: Shape, parameters: dict, film: Film, limits: Limits) -> tuple[Array, Array]:
+    """A band's pixels, and the labels of its samples and of those in its margin, row by row."""
     scene, camera = prepare(shape.filled(parameters), film.size)
-    colors, labels = dr.empty(type(film.step), film.labels * 4), dr.empty(ad.UInt64 if varies(scene) else ad.UInt32, film.labels)
+    labels = dr.empty(ad.UInt64 if varies(scene) else ad.UInt32, film.labels)
     row = (film.width + 2 * film.margin) * film.side
 
     def of_sample(x, y, i, j):
         color, label = labelled_radiance(scene, sample_ray(camera, film, x, y, i, j), limits)
         index = ad.UInt32(((y + film.margin) * film.side + j) * row + (x + film.margin) * film.side + i)
         dr.scatter(labels, label, index)
-        dr.scatter(colors, with_fourth(color), index)
         return color
 
-    return accumulate(film, of_sample, type(scene.background)), colors, labels
+    return accumulate(film, of_sample, type(scene.background)), labels
 
 
 @frozen
@@ -126,12 +125,6 @@ def image_vjp(
         dr.enqueue(dr.ADMode.Backward, value)
     dr.traverse(dr.ADMode.Backward)
     return dr.grad(wrt)
-
-
-def with_fourth(color: Array) -> Array:
-    """A color with another channel: four are stored at once, three one by one."""
-    four = ad.Array4f if dr.value_t(type(color)) is ad.Float else ad.Array4f64
-    return four(*color, 0)
 
 
 def of_scene(scene: Scene, wrt: dict) -> dict[str, Array]:
