@@ -88,10 +88,11 @@ class Derivative:
 
     @cached_property
     def plain(self):
-        """A function from a part of the step to the differences of plain samples in a pixel, and how unsure they are.
+        """A function from a part of the step to the differences of plain samples in a pixel, and how unsure they are, twice.
 
         They are on some lattices, each of which sees edges well but those along its own directions. Their scatter tells the
-        noise, which is at least what two points make that an edge passes.
+        noise, which is at least what two points make that an edge passes. The other error is that of the step: as edges pass
+        a part of the pixel, that part of what they change may be new or gone.
         """
         import drjit as dr
         from drjit.llvm import ad
@@ -109,7 +110,7 @@ class Derivative:
             dr.make_opaque(values)
             return there.shape, values
 
-        def differences(factor: float, x: int, y: int, points: int) -> tuple[np.ndarray, float]:
+        def differences(factor: float, x: int, y: int, points: int) -> tuple[np.ndarray, float, float]:
             lattice, place = np.divmod(np.arange(points), points // len(LATTICES))
             across = (place + (lattice + 0.5) / len(LATTICES)) / (points // len(LATTICES))
             along = (place * np.sqrt(LATTICES)[lattice] / 2) % 1
@@ -117,32 +118,34 @@ class Derivative:
             dr.make_opaque(size, limits, at)
             ahead, back = (probe.samples(*moved(sign * factor), size, limits, *at)[0] for sign in (1, -1))
             colors = np.stack([channel.numpy() for channel in (*ahead, *back)])
-            slopes = (colors[:3] - colors[3:]).reshape(3, len(LATTICES), -1).mean(2) / (2 * factor * self.step)
-            noise = slopes.std(1) * (2 / len(LATTICES) ** 0.5), np.ptp(colors[:3], 1) / (factor * self.step * points)
-            return slopes.mean(1), max(np.linalg.norm(each) for each in noise)
+            change, range, width = colors[:3] - colors[3:], np.ptp(colors[:3], 1), 2 * factor * self.step
+            slopes = change.reshape(3, len(LATTICES), -1).mean(2) / width
+            noise = slopes.std(1) * (2 / len(LATTICES) ** 0.5), range / (factor * self.step * points)
+            passed = abs(change).mean(1) ** 2 / np.maximum(range, 1e-9) / width
+            return slopes.mean(1), max(np.linalg.norm(each) for each in noise), np.linalg.norm(passed)
 
         return differences
 
     def pixel(self, x: int, y: int, enough: float, points: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Plain differences in one pixel, of the surest step and the least points with an error below `enough`, and with it.
 
-        A step's error is its noise, or how far it is from one of a smaller step by more than twice that one's noise, or,
-        as errors shrink at least like steps, a third of how far it is from that of the step before. With more points only
-        those steps are tried whose noise may get below the error so far.
+        A step's error is its noise, or its own, of which there is no more than how far its value is from that of the step
+        before, or how far that is from one of a smaller step by more than twice that one's noise. With more points only those
+        steps are tried whose noise may get small enough to tell.
         """
         steps = STEPS
         for number, following in pairwise([*points, points[-1]]):
-            values, noise = zip(*(self.plain(step, x, y, number) for step in steps), strict=True)
+            values, noise, passed = zip(*(self.plain(step, x, y, number) for step in steps), strict=True)
             errors = []
             for k, value in enumerate(values):
+                before = np.linalg.norm(value - values[k - 1]) if k else np.inf
                 apart = [np.linalg.norm(value - values[j]) - 2 * noise[j] for j in range(k + 1, len(values))]
-                before = [np.linalg.norm(value - values[k - 1]) / 3] if k else []
-                errors.append(max(noise[k], *apart, *before))
+                errors.append(max(noise[k], min(passed[k], before), *apart))
             best = int(np.argmin(errors))
             if errors[best] < enough:
                 break
             quieter = (following / number) ** 0.75
-            steps = STEPS[: max(3, sum(each < quieter * errors[best] for each in noise))]
+            steps = [step for step, each in zip(steps, noise, strict=True) if each < 3 * quieter * errors[best]]
         return values[best], values[best] + errors[best] / 3**0.5
 
     @property
