@@ -28,7 +28,7 @@ COLUMNS += ("bound", "spp 1", "spp 4")
 REFERENCE, FEWER = (441, (1.0, 0.3)), {"whitted1980": (36, (1.0, 0.1))}
 # Where that is too coarse to tell whether a derivative is right, so many pixels are sampled anew, plainly: at so many points
 # until the error is known well enough, with more points fewer of them
-POINTS = {1 << 13: 1500, 1 << 18: 900, 1 << 21: 40}
+POINTS = {1 << 13: 1500, 1 << 18: 500, 1 << 21: 40}
 # Parts of the step there, each a quarter of the one before; and twice the lattices' steps, squared
 STEPS, LATTICES = (16.0, 4.0, 1.0, 1 / 4, 1 / 16, 1 / 64), (2, 3, 5, 7, 11, 13, 17, 19)
 # Where the sum of the derivative's image is farther from the reference's, that is found with larger steps as well
