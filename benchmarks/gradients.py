@@ -118,10 +118,10 @@ class Derivative:
             dr.make_opaque(size, limits, at)
             ahead, back = (probe.samples(*moved(sign * factor), size, limits, *at)[0] for sign in (1, -1))
             colors = np.stack([channel.numpy() for channel in (*ahead, *back)])
-            change, range, width = colors[:3] - colors[3:], np.ptp(colors[:3], 1), 2 * factor * self.step
+            change, seen, width = colors[:3] - colors[3:], np.ptp(colors[:3], 1), 2 * factor * self.step
             slopes = change.reshape(3, len(LATTICES), -1).mean(2) / width
-            noise = slopes.std(1) * (2 / len(LATTICES) ** 0.5), range / (factor * self.step * points)
-            passed = abs(change).mean(1) ** 2 / np.maximum(range, 1e-9) / width
+            noise = slopes.std(1) * (2 / len(LATTICES) ** 0.5), seen / (factor * self.step * points)
+            passed = abs(change).mean(1) ** 2 / np.maximum(seen, 1e-9) / width
             return slopes.mean(1), max(np.linalg.norm(each) for each in noise), np.linalg.norm(passed)
 
         return differences

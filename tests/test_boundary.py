@@ -71,6 +71,17 @@ def test_edge_through_samples(load, precision, spp, up, left):
     np.testing.assert_allclose(slope[rows, columns].sum((0, 1)), -128 * (white - red), rtol=5e-3)
 
 
+def test_faint_edges_are_found(load, precision):
+    """A disc 1 % darker than what is behind it; its radius in pixels is that of the cone around a ball seen from a distance."""
+    grey = material("grey", color=[0.99, 0.99, 0.99])
+    loaded = load("background = [1, 1, 1]\n" + GLOW + AHEAD + grey + ball([0, 0, 0], 1, "grey"), precision)
+    slope = derivative(loaded, "spheres.sphere0.radius", spp=1)
+    scale, square = 16 / np.tan(np.radians(20)), 4**2
+    area_slope = 2 * np.pi * scale**2 * square / (square - 1) ** 2
+    # Missed, they would count for nothing; pixels are 1/11 of the radius, and a strip's edge is taken to be straight
+    np.testing.assert_allclose(slope.sum((0, 1)), -0.01 * area_slope, rtol=0.01)
+
+
 # Each kind of edge
 
 KINDS = {

@@ -113,6 +113,13 @@ def test_pixels_with_three_labels_are_crowded():
     assert crowded(flips(samples)[2], 1).tolist() == [0]
 
 
+@pytest.mark.parametrize(("side", "pixels"), [(1, [3, 5]), (2, [3, 5, 7])])
+def test_one_edge_at_a_single_sample_does_not_crowd_it(side, pixels):
+    ends = np.array([[3, -1, 3, 5], [5, 3, 7, -1]], np.int32)
+    assert crowded(ends, side).tolist() == pixels
+    assert crowded(ends[:, :0], side).tolist() == []
+
+
 def test_finer_samples_fill_a_pixel_with_a_ring_around_it():
     samples, traced = fine_samples(np.array([5]), 2, 4, first_row=3)
     np.testing.assert_array_equal(samples.x.reshape(4, 4), [[0.75, 1.25, 1.75, 2.25]] * 4)

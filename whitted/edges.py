@@ -297,7 +297,7 @@ def deposit(image: np.ndarray, pixel: np.ndarray, *channels: np.ndarray) -> None
         channels: the values of each channel, in the shape of `pixel`.
     """
     kept = np.flatnonzero(pixel >= 0)
-    # At numbers of this type NumPy adds without a copy
+    # Once here: other integers NumPy would convert for each channel
     place, columns = pixel.take(kept).astype(np.intp), image.reshape(-1, len(channels)).T
     for column, values in zip(columns, channels, strict=True):
         np.add.at(column, place, values.take(kept).astype(image.dtype, copy=False))
