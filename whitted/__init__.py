@@ -36,10 +36,10 @@ except BackendError:
             configure()
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 else:
-    from .accuracy import render
-    from .bridge import torch_render
-    from .fit import FitResult, fit
-    from .gradient import gradient
-    from .image import read_image, write_image
-    from .scene import Scene
-    from .scene_file import SceneError, load_scene
+    from .files.images import read_image, write_image
+    from .inverse.fit import FitResult, fit
+    from .rendering.api import render
+    from .rendering.gradient import gradient
+    from .scene.files import SceneError, load_scene
+    from .scene.scene import Scene
+    from .torch import torch_render

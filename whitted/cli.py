@@ -71,8 +71,8 @@ def render(
     """Render a scene to an EXR, with a PNG preview next to it."""
     from . import load_scene
     from . import render as render_image
-    from .accuracy import recommend
-    from .image import clipped, write_image
+    from .rendering.auto_samples import recommend
+    from .files.images import clipped, write_image
 
     _check_output(output)
     boundary = not no_boundary
@@ -104,8 +104,8 @@ def gradient(
 ) -> None:
     """Write d image / d NAME as an EXR, with a PNG next to it: blue below 0, white at 0, red above."""
     from . import gradient as differentiate
-    from .diverging import write_diverging
-    from .image import write_image
+    from .files.false_color import write_diverging
+    from .files.images import write_image
 
     _check_output(output)
     derivative = partial(differentiate, name=wrt, component=component and component.value, terms=terms.value)
@@ -146,9 +146,9 @@ def fit(
 
     from . import fit as recover
     from . import load_scene, read_image
-    from .convergence import figure_of
-    from .recovery import write_recovery
-    from .rewrite import rewritten
+    from .files.figures import figure_of
+    from .inverse.report import write_recovery
+    from .scene.rewrite import rewritten
 
     start = load_scene(scene, precision.value)
     picture, weights = read_image(target), None if mask is None else read_image(mask).numpy().mean(2)
@@ -198,7 +198,7 @@ def chart(
 ) -> None:
     """Measure a scene's speed against its accuracy, and write a report; an interrupted run goes on where it was."""
     from . import __version__
-    from .chart import chart as measure
+    from .measure.chart import chart as measure
 
     _check_folder(output)
     with _progress_bar("measuring") as progress:
@@ -232,8 +232,9 @@ def _compute(
     function: Callable, scene: Path, spp: int, depth: int | None, size: str | None, precision: Precision
 ) -> tuple[Any, dict[str, str | int | float]]:
     """Load a scene, make an image of it, print what that took; returns the image and how it was made."""
-    from . import __version__, load_scene, timing
-    from .about import features
+    from . import __version__, load_scene
+    from .measure import timing
+    from .measure.about import features
 
     loaded = load_scene(scene, precision.value)
     start = time.perf_counter()
@@ -304,9 +305,9 @@ def stress(
     cases: Annotated[list[str] | None, typer.Argument(metavar="[CASE]...", help="Numbers or names [default: all].")] = None,
 ) -> int:
     """Run the cases that are hard for ray tracers, in both precisions; the exit status is 1 where one fails."""
-    from . import stress as suite
-    from . import stress_report
-    from .convergence import figure_of
+    from .stress import report as stress_report
+    from .stress import suite
+    from .files.figures import figure_of
 
     chosen = suite.choose(cases or [])
     _check_folder(output)
@@ -323,7 +324,8 @@ def stress(
 @app.command(epilog="Example:  whitted info")
 def info() -> None:
     """Tell which Dr.Jit, LLVM and threads are used, and what is missing."""
-    from . import __version__, about
+    from . import __version__
+    from .measure import about
 
     for name, value in {"whitted": __version__, **about.system()}.items():
         typer.echo(f"{name + ':':14}{value}")

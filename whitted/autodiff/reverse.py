@@ -1,0 +1,219 @@
+"""Reverse mode: a walk that returns up the tree of rays.
+
+Dr.Jit cannot record a loop with a stack for reverse mode, and need not. A node's own light is differentiated on
+arrival, and each child when the walk comes back from it with the adjoints of its ray and the light that it saw. No
+intermediate image is stored, whatever the depth.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import drjit as dr
+
+from ..core.arrays import Array
+from ..core.ray import Ray
+from ..scene.features import branches_out, reflects
+from ..scene.scene import Scene
+from ..shapes.sets import Hit
+from ..tracing.intersect import closest_hit
+from ..tracing.node import BOTH, FIRST, MOVES, Branch, Limits, Link, Node, Visit, scatter, visit
+from ..tracing.shading import emitted
+from ..tracing.stack import Stack
+from ..tracing.surface import surface
+from .changed import Changed, changed
+from .propagate import pull_back
+
+Parameters = Mapping[str, Array]
+
+
+@dataclass
+class Adjoint:
+    """What a traced ray returns to its parent (not frozen: Dr.Jit's loops write to their state)."""
+
+    o: Array  # derivative by its origin
+    d: Array  # and by its direction
+    value: Array  # dot(seed, radiance), before the weight of its chain
+
+    @staticmethod
+    def zero(like: Node, width: int = 1) -> "Adjoint":
+        return Adjoint(*(dr.zeros(type(x), width) for x in (like.o, like.d, like.weight)))
+
+    def plus(self, other: "Adjoint") -> "Adjoint":
+        return Adjoint(self.o + other.o, self.d + other.d, self.value + other.value)
+
+
+def radiance_vjp(
+    scene: Scene,
+    sums: Parameters,
+    wide: Parameters,
+    ray: Ray,
+    seed: Array,
+    limits: Limits,
+    moves: bool = True,
+) -> tuple[dict[str, Array], Array, Array]:
+    """The derivatives of dot(seed, radiance) along rays.
+
+    Args:
+        scene: with unit vectors for its directions, and no gradients.
+        sums: parameter name to derivatives so far, as wide as the wavefront.
+        wide: parameter name to value, as wide as the wavefront, which keeps each lane's derivative in its lane.
+        seed: Array3f, the adjoint of `recursion.radiance`.
+        moves: whether derivatives by the rays are of use.
+
+    Returns:
+        The sums with these rays' derivatives added, and the derivatives by the rays' origins and directions.
+    """
+    return walk_back(Tree(scene, wide, seed, limits, None if moves else changed(scene, wide)), sums, ray)
+
+
+@dataclass
+class Place:
+    """Where a walk in reverse mode is (not frozen: Dr.Jit's loops write to their state)."""
+
+    node: Node
+    back: Adjoint  # what the node has so far, or what it returns
+    moves: Array  # Bool: something changes on the way to the node
+
+
+@dataclass
+class Waiting:
+    """A node between the camera and the one that is being traced (not frozen: Dr.Jit's loops write to their state)."""
+
+    node: Node  # its link has the primitive that was hit, and marks for what became of its children
+    back: Adjoint
+    t: Array
+
+
+def walk_back(tree: "Tree", sums: Parameters, ray: Ray) -> tuple[dict[str, Array], Array, Array]:
+    """Walk down a tree and back: the sums, and the derivatives by the rays' origins and directions."""
+    scene, limits = tree.scene, tree.limits
+    width = dr.width(ray)
+    node = Node.first(ray)
+    mask = dr.mask_t(node.weight)
+    place = Place(node, Adjoint.zero(node, width), dr.full(mask, tree.changed is None, width))
+    stack = Stack.allocate(
+        limits.max_depth if reflects(scene) else 0,
+        dr.zeros(type(limits.depth), width),
+        Waiting(node, place.back, node.weight),
+    )
+    state: Any = place, stack, dict(sums)
+    if not reflects(scene):
+        place, _, sums, _ = tree.arrive(*state)
+        return sums, place.back.o, place.back.d
+
+    def stay(*state):
+        return *state, dr.zeros(mask, width)
+
+    def step(place, stack, sums, tracing):
+        state = dr.if_stmt((place, stack, sums), tracing, tree.arrive, stay)
+        returning = ~state[-1] & (state[1].size > 0)
+        return dr.if_stmt(state, returning, tree.come_back, lambda *state: state)
+
+    state = *state, dr.any(tree.seed != 0) & dr.ones(mask, width)
+    state = dr.while_loop(
+        state, lambda *s: s[-1] | (s[1].size > 0), step, mode="symbolic", label="radiance_vjp"
+    )
+    place, _, sums, _ = state
+    return sums, place.back.o, place.back.d
+
+
+@dataclass(frozen=True)
+class Tree:
+    """The two steps of a walk through a tree of rays in reverse mode.
+
+    A ray moves if something changes on the way to it. Light is differentiated only where a ray that moves arrives, or
+    any at a primitive that changes; other light changes nothing.
+    """
+
+    scene: Scene
+    wide: Parameters
+    seed: Array
+    limits: Limits
+    changed: Changed | None  # what changes by itself; None if all does, or if the first ray moves
+
+    def attached(self, node: Node) -> tuple[Scene, Node, dict[str, Array]]:
+        """The scene, the node's ray and the parameters with fresh gradients."""
+        values, o, d = dr.detach(dict(self.wide)), dr.detach(node.o), dr.detach(node.d)
+        dr.enable_grad(values, o, d)
+        return self.scene.carrying(values), Node(o, d, node.weight, node.link), values
+
+    def where(self, moves, differentiated, node, hit, sums, *more):
+        """What a node adds to the adjoint of its ray and to the sums: nothing where the ray does not move."""
+        inputs = node, hit, sums, *more
+        if self.changed is None:
+            return differentiated(*inputs)
+        # Create the zeros outside of the branch; Dr.Jit would reuse them after it
+        dark = Adjoint.zero(node)
+        yes, no = lambda dark, *inputs: differentiated(*inputs), lambda dark, node, hit, sums, *_: (dark, sums)
+        return dr.if_stmt((dark, *inputs), moves, yes, no)
+
+    def light(self, node, hit, sums):
+        """The light of a surface itself."""
+        scene, there, values = self.attached(node)
+        light = dr.dot(self.seed, emitted(scene, there.ray, surface(scene, there.ray, hit)))
+        pull_back(light, node.weight)
+        return Adjoint(dr.grad(there.o), dr.grad(there.d), dr.detach(light)), added(sums, values)
+
+    def through(self, node, hit, sums, first, back):
+        """The light of a child."""
+        scene, there, values = self.attached(node)
+        at = surface(scene, there.ray, hit)
+        branches = scatter(scene, there.ray, at)
+        child = choose(first, *branches) if len(branches) == 2 else branches[0]
+        light = child.weight * (node.weight * back.value)
+        output = dr.dot(at.p, back.o) + dr.dot(child.direction, back.d) + light
+        pull_back(output, dr.ones(type(node.weight)))
+        value = dr.detach(child.weight) * back.value
+        return Adjoint(dr.grad(there.o), dr.grad(there.d), value), added(sums, values)
+
+    def arrive(self, place, stack, sums):
+        """Trace a ray: differentiate the light of its surface, then go on with its first child."""
+        node, moves = place.node, place.moves
+        hit = closest_hit(self.scene, node.ray)
+        if self.changed is not None:
+            moves = moves | self.changed.among(self.scene, hit.index)
+        scene, there, _ = self.attached(node)
+        # A weight of 0 that is being differentiated has a child, too
+        seen = visit(scene, there, self.limits, hit)
+        back, sums = self.where(moves, self.light, node, hit, sums)
+        if not seen.branches:
+            return Place(node, back, moves), stack, sums, dr.zeros(type(moves), dr.width(node))
+        branches = dr.detach(seen.branches)
+        child, first, both = branches[0], branches[0].active, type(moves)(False)
+        if len(branches) == 2:
+            child, both = choose(first, *branches), first & branches[1].active
+        link = Link.of(hit.index, hit.inside, node.depth)
+        link = link.marked(FIRST, first).marked(BOTH, both).marked(MOVES, moves)
+        waiting = Waiting(Node(node.o, node.d, node.weight, link), back, hit.t)
+        stack = stack.push(child.active, waiting)
+        return Place(dr.detach(seen.child(child)), back, moves), stack, sums, child.active
+
+    def come_back(self, place, stack, sums, tracing):
+        """Take a child's adjoints through its parent, then go on with the second child or return further."""
+        nothing = Waiting(place.node, place.back, place.node.weight)
+        stack, waiting = stack.pop(type(tracing)(True), nothing)
+        node, link = waiting.node, waiting.node.link
+        first, both, moves = (link.has(mark) for mark in (FIRST, BOTH, MOVES))
+        hit = Hit(waiting.t, link.source, link.inward)
+        through, sums = self.where(moves, self.through, node, hit, sums, first, place.back)
+        back = waiting.back.plus(through)
+        if not branches_out(self.scene):
+            return Place(node, back, moves), stack, sums, both
+        scene, there, _ = self.attached(node)
+        at = surface(scene, there.ray, hit)
+        second = dr.detach(scatter(scene, there.ray, at)[1])
+        link = Link.of(hit.index, hit.inside, link.depth).marked(MOVES, moves)
+        waiting = Waiting(Node(node.o, node.d, node.weight, link), back, hit.t)
+        child = dr.detach(Visit(node, at, []).child(second))
+        return Place(child, back, moves), stack.push(both, waiting), sums, both
+
+
+def choose(condition: Array, a: Branch, b: Branch) -> Branch:
+    """The first branch where the condition holds, else the second; active where either is."""
+    return replace(dr.select(condition, a, b), active=a.active | b.active)
+
+
+def added(sums: Parameters, values: Parameters) -> dict[str, Array]:
+    """The sums with the derivatives that reverse mode has brought to the values."""
+    return {name: sums[name] + dr.grad(values[name]) for name in sums}

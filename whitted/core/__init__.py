@@ -1,0 +1,1 @@
+"""What every other room stands on: arrays, rays, parameters, and the way to and from NumPy."""

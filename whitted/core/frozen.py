@@ -1,0 +1,60 @@
+"""Functions whose kernels are recorded once and then replayed, which skips tracing their Python code.
+
+Dr.Jit's `freeze` walks through arguments and results while it holds the lock of all its arrays, and it runs Python
+there for dataclasses and for comparisons. Should another thread's turn come just then, that thread's next work on an
+array waits for the lock, and both wait forever. So `freeze` is given a list of arrays alone; all else is done before
+and after.
+"""
+
+from collections.abc import Callable, Hashable
+from functools import wraps
+from typing import Any, TypeVar
+
+import drjit as dr
+
+from .arrays import Array
+from .pytree import put_together, take_apart
+
+Result = TypeVar("Result")
+
+
+def frozen(function: Callable[..., Result]) -> Callable[..., Result]:
+    """Record the function for each structure of its arguments.
+
+    Arguments, by position, and results are made of tuples, dictionaries and dataclasses of arrays, and of values that
+    can be hashed. Another such value is another recording.
+    """
+    recordings: dict[Hashable, _Recording] = {}
+
+    @wraps(function)
+    def call(*arguments: Any) -> Any:
+        arrays: list[Array] = []
+        structure = take_apart(arguments, arrays)
+        recording = recordings.get(structure)
+        if recording is None:
+            recording = recordings.setdefault(structure, _Recording(function, structure))
+        return recording(arrays)
+
+    return call
+
+
+class _Recording:
+    """A function of arguments of one structure.
+
+    Dr.Jit looks at it as at any value that a function captures, and sees no array in it.
+    """
+
+    def __init__(self, function: Callable, structure: Hashable) -> None:
+        self.function = function
+        self.arguments = structure
+        self.result: Hashable = None
+        self.replay = dr.freeze(self._trace, state_fn=None, warn_after=1 << 30)
+
+    def __call__(self, arrays: list[Array]) -> Any:
+        results = self.replay(arrays)
+        return put_together(self.result, iter(results))
+
+    def _trace(self, arrays: list[Array]) -> list[Array]:
+        results: list[Array] = []
+        self.result = take_apart(self.function(*put_together(self.arguments, iter(arrays))), results)
+        return results

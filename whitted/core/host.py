@@ -1,0 +1,65 @@
+"""The way between NumPy's arrays and those of kernels.
+
+Kernels are compiled for arrays of a certain alignment, and want more than one lane. So what NumPy hands over is copied
+into Dr.Jit's own memory, and filled up to whole packets.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import is_dataclass
+from typing import Any
+
+import drjit as dr
+import numpy as np
+from drjit.llvm import ad
+
+from .arrays import Array
+
+# Lanes of a packet: those of the widest vector instructions
+PACKET = 16
+# Dr.Jit's type for each of NumPy's
+TYPES = {
+    np.dtype(dtype): kind
+    for dtype, kind in (
+        (bool, ad.Bool),
+        ("f4", ad.Float),
+        ("f8", ad.Float64),
+        ("u4", ad.UInt),
+        ("u8", ad.UInt64),
+    )
+}
+
+
+def to_lanes(array: np.ndarray) -> Array:
+    """A Dr.Jit array of whole packets; zeros fill the last one up."""
+    return to_array(array, -(-len(array) // PACKET) * PACKET)
+
+
+def to_array(array: np.ndarray, length: int) -> Array:
+    """A Dr.Jit array of some length in Dr.Jit's own memory, with zeros behind what is given.
+
+    An array in NumPy's memory, of another alignment, would get a kernel of its own.
+    """
+    result: Array = dr.empty(TYPES[array.dtype], length)
+    memory = result.numpy()
+    memory[: len(array)], memory[len(array) :] = array, 0
+    return result
+
+
+def to_numpy(value: Any) -> Any:
+    """Dr.Jit's arrays, those in dataclasses too, as NumPy's; a tuple of components for a vector. Waits for all kernels."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return type(value)(**{name: to_numpy(part) for name, part in vars(value).items()})
+    if dr.depth_v(value) == 1:
+        return value.numpy()
+    return tuple(component.numpy() for component in value)
+
+
+def stacked(components: Sequence[np.ndarray], which: slice | np.ndarray) -> np.ndarray:
+    """Some elements of a vector, shape (components, elements)."""
+    return np.stack([component[which] for component in components])
+
+
+def chunks(n: int, size: int) -> Iterator[slice]:
+    """Slices of at most so many elements that cover n."""
+    for first in range(0, n, size):
+        yield slice(first, min(first + size, n))

@@ -1,0 +1,184 @@
+"""The events that make an edge, each with a level function that is zero on the edge and smooth across it.
+
+| event | level function, of the ray that arrives at the node |
+|---|---|
+| outline of a shape | the shape's `outline`: for a sphere the discriminant of the ray |
+| crease, where two surfaces cross | the one shape's `level` at the point where the ray meets the other |
+| shadow edge | the `outline` of the shape that blocks the light, of the line to the light |
+| terminator of a specular surface | n . l |
+| edge of a checkerboard's cell | distance of the point to it |
+| onset of total internal reflection | cos_theta_t^2 |
+| a child is too faint to be traced | its weight less the least importance |
+"""
+
+import math
+from dataclasses import dataclass
+
+import drjit as dr
+
+from ..core.arrays import Array, select
+from ..core.ray import NONE, Ray
+from ..scene.features import bends
+from ..scene.scene import Scene
+from ..scene.texture import coordinates
+from ..shapes.sets import Hit, pick
+from ..tracing.node import Limits, Node, scatter, visit
+from ..tracing.shadow import incident, shadowing
+from ..tracing.surface import Surface, checkered, surface
+from .labels import Decisions, cos_theta_t_squared, decide
+from .settings import CELLS
+
+
+class Kind:
+    """What happens at an edge."""
+
+    NOTHING, OUTLINE, CREASE, SHADOW, TERMINATOR, CELL, TOTAL, TOO_FAINT = range(8)
+
+
+@dataclass
+class Event:
+    """What happens at an edge, and to what (not frozen: Dr.Jit's loops write to their state)."""
+
+    kind: Array  # UInt32, a `Kind`
+    on: Array  # UInt32: the primitive that the ray meets there
+    inside: Array  # Bool: from within
+    other: Array  # UInt32: the primitive that ends, crosses or casts a shadow; or axis of the board, or child
+    light: Array  # UInt32
+    border: Array  # number of the cell, on a checkerboard, that begins at the edge
+
+    def set(self, where: Array, kind: int, **fields: Array) -> None:
+        """Change the event in some lanes."""
+        self.kind = dr.select(where, kind, self.kind)
+        for name, value in fields.items():
+            setattr(self, name, dr.select(where, value, getattr(self, name)))
+
+    def hit(self, scene: Scene, ray: Ray) -> Hit:
+        """Where a ray meets the primitive of the event, or would meet it if it did not just miss it."""
+        shape = pick(scene.sets, self.on, scene.background)
+        on = ray.source == self.on
+        return Hit(dr.detach(shape.of(lambda x: x.reach(ray, on, self.inside))), self.on, self.inside)
+
+
+def _meets(scene: Scene, ray: Ray, index: Array) -> Array:
+    """Whether a ray meets a primitive, whatever lies before it."""
+    on = ray.source == index
+
+    def meets(shape):
+        t, hits, _ = shape.distance(ray, on)
+        return hits & (t < dr.inf)
+
+    return (index != NONE) & pick(scene.sets, index, scene.background).of(meets)
+
+
+def classify(scene: Scene, a: Node, b: Node, limits: Limits) -> Event:
+    """The event between two rays that arrive at one node, and there decide differently."""
+    left, right = visit(scene, a, limits), visit(scene, b, limits)
+    here, there = decide(scene, left), decide(scene, right)
+    uint, real = type(here.index), type(a.weight)
+    event = Event(uint(Kind.NOTHING), here.index, here.inside, uint(NONE), uint(0), real(0))
+
+    # What comes last overrides what comes before: from the faintest event of a node to the strongest
+    for k, (x, y) in enumerate(zip(here.children, there.children, strict=True)):
+        event.set(x != y, Kind.TOO_FAINT, other=uint(k))
+    for x, y in zip(here.total, there.total, strict=True):
+        event.set(x != y, Kind.TOTAL)
+    for k in reversed(range(len(scene.lights))):
+        _classify_light(scene, event, k, here, there, left.at, right.at)
+    for axis, (x, y) in enumerate(zip(here.cell, there.cell, strict=True)):
+        # Of several borders the middle one, so that few rounds of the search find them all
+        near = (x != y) & (dr.abs(x - y) <= CELLS)
+        event.set(near, Kind.CELL, other=uint(axis), border=real((x + y + 1) >> 1))
+    _classify_hit(scene, event, a.ray, b.ray, here, there)
+    return event
+
+
+def _classify_hit(scene: Scene, event: Event, a: Ray, b: Ray, here: Decisions, there: Decisions) -> None:
+    """One surface ends where it hides the other or is hidden by it; where both go on, they cross."""
+    changes = (here.index != there.index) | (here.inside != there.inside)
+    stays, hidden = _meets(scene, b, here.index), _meets(scene, a, there.index)
+    ends = dr.select(stays | (here.index == NONE), there.index, here.index)
+    event.set(changes, Kind.OUTLINE, other=ends)
+    event.set(changes & stays & hidden & (here.index != there.index), Kind.CREASE, other=there.index)
+
+
+def _classify_light(
+    scene: Scene, event: Event, k: int, here: Decisions, there: Decisions, at: Surface, to: Surface
+) -> None:
+    """A light is kept away on one side: by the terminator, or by a shape whose shadow ends."""
+    light, uint = scene.lights[k], type(event.kind)
+    changes = here.lights[k] != there.lights[k]
+    one, two = incident(scene, at, light), incident(scene, to, light)
+    shadow_ends = changes & (one.blocked != two.blocked)
+    if here.veils:
+        dims = here.veils[k] != there.veils[k]
+        changes, shadow_ends = changes | dims, shadow_ends | dims
+    event.set(changes, Kind.TERMINATOR, light=uint(k))
+    best = uint(NONE), type(event.border)(-math.inf)
+    for primitives in scene.sets:
+        best = primitives.flipped(one.ray, two.ray, shadowing(scene, "full", "part"), best)
+    event.set(shadow_ends, Kind.SHADOW, other=best[0])
+
+
+def level_function(scene: Scene, node: Node, event: Event, limits: Limits) -> tuple[Array, Array]:
+    """The level function of an event at a node.
+
+    Returns:
+        The level function, and what of it is still to be multiplied with the node's weight and added: the weight of
+        the child that is too faint.
+    """
+    ray, real = node.ray, type(node.weight)
+    other = pick(scene.sets, event.other, scene.background)
+    at = surface(scene, ray, event.hit(scene, ray))
+    outline, crease = other.of(lambda x: x.outline(ray.o, ray.d)), other.of(lambda x: x.level(at.p))
+    value = dr.select(event.kind == Kind.OUTLINE, outline, crease)
+    if scene.lights:
+        directions = ((k, light.toward(at.p).direction) for k, light in enumerate(scene.lights))
+        to_light = select(event.light, directions, type(at.p)(0, 1, 0))
+        shadow = other.of(lambda x: x.outline(at.p, to_light))
+        value = dr.select(event.kind == Kind.SHADOW, shadow, value)
+        value = dr.select(event.kind == Kind.TERMINATOR, dr.dot(at.n, to_light), value)
+    for material in checkered(scene):
+        border = material.checker.level(at.p, dr.detach(at.n), event.other, event.border)
+        value = dr.select((event.kind == Kind.CELL) & at.of[material.name], border, value)
+    if bends(scene):
+        value = dr.select(event.kind == Kind.TOTAL, cos_theta_t_squared(scene, ray, at)[0], value)
+    faint = real(0)
+    if limits.importance is not None:
+        weights = ((k, branch.weight) for k, branch in enumerate(scatter(scene, ray, at)))
+        faint = select(event.other, weights, faint)
+        faint = faint * dr.sign(dr.detach(faint * node.weight))
+        faint = dr.select(event.kind == Kind.TOO_FAINT, faint, 0)
+        value = dr.select(event.kind == Kind.TOO_FAINT, -limits.importance, value)
+    return value, faint
+
+
+def board_place(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array, Array]:
+    """Column and row of an event's checkerboard where a ray meets it, and its distance, all in cells; 0 without one."""
+    hit = event.hit(scene, ray)
+    at = surface(scene, ray, hit)
+    column = row = away = type(hit.t)(0)
+    for material in checkered(scene):
+        here, size = at.of[material.name], dr.detach(material.checker.size)
+        u, v = coordinates(at.p, dr.detach(at.n))
+        column, row = dr.select(here, u / size, column), dr.select(here, v / size, row)
+        away = dr.select(here, hit.t / size, away)
+    return column, row, away
+
+
+def crease_cosines(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array]:
+    """Cosines of the angles at which a ray meets the two surfaces of a crease, `on` and `other`; infinite elsewhere."""
+    p = ray.o + event.hit(scene, ray).t * ray.d
+
+    def cosine(index: Array) -> Array:
+        normal = pick(scene.sets, index, scene.background).of(lambda x: x.implicit(p)[1])
+        met = dr.abs(dr.dot(dr.normalize(normal), ray.d))
+        return dr.select(event.kind == Kind.CREASE, met, dr.inf)
+
+    return cosine(event.on), cosine(event.other)
+
+
+def has_rooted_outline(scene: Scene, event: Event) -> Array:
+    """Whether radiance beside the edge changes like the square root of the distance."""
+    shape = pick(scene.sets, event.other, scene.background)
+    outline = (event.kind == Kind.OUTLINE) & shape.whether(lambda kind: kind.rooted)
+    return outline | (event.kind == Kind.TOTAL)

@@ -1,0 +1,150 @@
+"""Samples on grids, and which neighbours have an edge in between.
+
+All in NumPy, on the few samples that are concerned, and in an order that does not depend on threads. A band's pixels
+are numbered row by row; image positions and lengths are in pixels.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from .labels import labels_differ
+
+# In place of a pixel's number: the sample is outside of what its grid stands for; and the grid to the left or above has
+# the same sample and does what there is to do with it
+OUTSIDE, DONE_BY_OTHER = -1, -2
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples on one or more grids of the same shape; what is not in that shape has one row for each sample."""
+
+    labels: np.ndarray  # (grids, rows, columns)
+    x: np.ndarray  # image position
+    y: np.ndarray
+    pixel: np.ndarray  # the pixel that a sample counts for, OUTSIDE or DONE_BY_OTHER
+    twin: np.ndarray | None  # the place of the sample at the same position that counts for a pixel, where there are such
+    side: int  # samples along a pixel's side
+    first: int  # number of the first sample
+    top: int  # to be added to y
+
+    def counted(self, place: np.ndarray) -> np.ndarray:
+        """The places of the samples that stand for those at some places."""
+        return place if self.twin is None else self.twin.take(place)
+
+
+def band_samples(labels: np.ndarray, side: int, first_row: int) -> Samples:
+    """The samples of a band with a margin of one pixel, row by row."""
+    return Samples(labels[None], *_band_grid(labels.shape, side), None, side, 0, first_row)
+
+
+@lru_cache(maxsize=2)
+def _band_grid(shape: tuple[int, int], side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """For each sample of a band with a margin its position and its pixel."""
+    rows, columns = shape[0] // side - 2, shape[1] // side - 2
+    j, i = np.divmod(np.arange(shape[0] * shape[1]), shape[1])
+    x, y = i // side - 1, j // side - 1
+    inside = (x >= 0) & (y >= 0) & (x < columns) & (y < rows)
+    pixel = np.where(inside, y * columns + x, OUTSIDE)
+    return (i + 0.5) / side - 1, (j + 0.5) / side - 1, pixel.astype(np.int32)
+
+
+def fine_samples(
+    pixels: np.ndarray, side: int, columns: int, first_row: int
+) -> tuple[Samples, np.ndarray]:
+    """side * side samples in each of a band's pixels, which are in order, and a ring of samples around it.
+
+    Returns:
+        The samples without their labels, and the places of those to be traced. In a ring, corners have no use, and what
+        lies in another one of the pixels is traced there.
+    """
+    column, row = pixels % columns, pixels // columns
+    grid, x, y, corners, inside = _ring(side)
+    x = ((column * side)[:, None] + x) / side
+    y = (((row + first_row) * side)[:, None] + y) / side
+    pixel, traced = np.where(inside, pixels[:, None], OUTSIDE), np.ones(x.shape, bool)
+    traced[:, corners] = False
+    twin = np.arange(pixel.size).reshape(pixel.shape)
+
+    # What rings share with the pixel to the right or below
+    right = np.flatnonzero((np.diff(pixels) == 1) & (column[1:] > 0))
+    below = np.searchsorted(pixels[:-1], pixels + columns)
+    above = np.flatnonzero(pixels.take(below) == pixels + columns)
+    for a, b, across in ((right, right + 1, grid.T), (above, below[above], grid)):
+        out, last, first, back = across[[-1, -2, 1, 0], 1:-1]
+        of_a, of_b = (a[:, None], out), (b[:, None], back)
+        twin[of_a], twin[of_b] = b[:, None] * grid.size + first, a[:, None] * grid.size + last
+        traced[of_a] = traced[of_b] = False
+        pixel[of_b] = DONE_BY_OTHER
+    labels = np.empty((len(pixels), *grid.shape), np.uint32)
+    samples = Samples(labels, x.ravel(), y.ravel(), pixel.ravel(), twin.ravel(), side, 0, 0)
+    return samples, np.flatnonzero(traced)
+
+
+@lru_cache
+def _ring(side: int) -> tuple[np.ndarray, ...]:
+    """A grid of side * side places and a ring around them.
+
+    Returns:
+        The places, in rows; the column and the row of each one's center, from the first inside; the places of the
+        corners; and whether each place is inside.
+    """
+    ring = np.arange(-1, side + 1)
+    grid = np.arange(ring.size**2).reshape(ring.size, ring.size)
+    inside = np.zeros(grid.shape, bool)
+    inside[1:-1, 1:-1] = True
+    row, column = np.meshgrid(ring + 0.5, ring + 0.5, indexing="ij")
+    corners = grid[[0, 0, -1, -1], [0, -1, 0, -1]]
+    return grid, column.ravel(), row.ravel(), corners, inside.ravel()
+
+
+def neighbours_across_edges(samples: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Neighbours whose labels differ.
+
+    Returns:
+        The places of the neighbours a and b, and (2, N) their pixels, of which at least one is a pixel.
+    """
+    labels, columns = samples.labels.ravel(), samples.labels.shape[2]
+    places = [(np.flatnonzero(labels[step:] != labels[:-step]), step) for step in (1, columns)]
+    a = np.concatenate([first for first, _ in places])
+    b = np.concatenate([first + step for first, step in places])
+    if labels.itemsize == 8:
+        kept = np.flatnonzero(labels_differ(labels.take(a), labels.take(b)))
+        a, b = a.take(kept), b.take(kept)
+    ends = samples.pixel.take(np.stack([a, b]))
+    # Not those outside, among which are those from the end of a row to the next one's start
+    kept = np.flatnonzero((np.maximum(*ends) >= 0) & (ends[0] != DONE_BY_OTHER))
+    a, b, ends = a.take(kept), b.take(kept), ends.take(kept, 1)
+    if samples.twin is not None:
+        ends[1] = samples.pixel.take(samples.counted(b))
+    return a, b, ends
+
+
+def label_counts(samples: Samples, pixels: np.ndarray) -> np.ndarray:
+    """How many labels the samples of a band's pixel and its neighbours' nearest have."""
+    side, stride = samples.side, samples.labels.shape[2]
+    columns = stride // side - 2
+    start = (pixels // columns + 1) * side * stride + (pixels % columns + 1) * side
+    labels = samples.labels.ravel().take(start + _window(side, stride)[:, None])
+    if labels.itemsize == 4:
+        return _distinct(labels)
+    halves = labels.astype(np.uint32), (labels >> 32).astype(np.uint32)
+    return np.minimum(*(_distinct(half) for half in halves))
+
+
+def _distinct(labels: np.ndarray) -> np.ndarray:
+    """How many different labels each column has."""
+    if len(labels) == 5:
+        # Of so few, comparing all is faster than sorting
+        new = [~np.logical_or.reduce(labels[:k] == labels[k], 0) for k in range(1, 5)]
+        return 1 + np.add.reduce(new, 0, dtype=np.uint16)
+    ordered = np.sort(labels, 0)
+    return 1 + np.add.reduce(ordered[1:] != ordered[:-1], 0, dtype=np.uint16)
+
+
+@lru_cache
+def _window(side: int, stride: int) -> np.ndarray:
+    """Places of a pixel's samples and its neighbours' nearest, from its first sample, in rows of `stride` samples."""
+    across, inner = np.meshgrid(np.arange(-1, side + 1), np.arange(side))
+    return np.unique(np.concatenate([inner * stride + across, across * stride + inner]))

@@ -1,0 +1,117 @@
+"""How edges move: derivatives of level functions, along the chain of rays that leads to the event's node."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import drjit as dr
+
+from ..autodiff.forward import Tangent, attached
+from ..autodiff.propagate import pull_back, push_forward
+from ..autodiff.reverse import Adjoint, Place, Tree, Waiting, added, walk_back
+from ..core.arrays import Array
+from ..core.ray import Ray
+from ..scene.features import reflects
+from ..scene.scene import Scene
+from ..tracing.node import FIRST, Limits, Link, Node, visit
+from .events import Event, board_place, level_function
+from .paths import Path
+
+Parameters = Mapping[str, Array]
+
+
+@dataclass
+class Edge:
+    """An event, and the path to its node (not frozen: Dr.Jit's loops write to their state)."""
+
+    path: Path
+    event: Event
+
+
+@dataclass(frozen=True)
+class Slope:
+    """Derivatives at the end of a chain, in one direction."""
+
+    level: Array  # of the level function
+    column: Array  # of the place on a checkerboard, in cells
+    row: Array
+    turn: Array  # of the direction of the ray that arrives
+
+
+def level_jvp(
+    scene: Scene, tangents: Parameters, ray: Ray, slopes: Sequence[tuple], limits: Limits, edge: Edge
+) -> tuple[list[Slope], Ray]:
+    """The derivatives of the level function of an event at the end of a chain, in several directions (forward mode).
+
+    Args:
+        slopes: for each direction, tangents of the rays' origins and directions; others are as for `radiance_jvp`.
+
+    Returns:
+        The derivatives in each direction, and the ray that arrives.
+    """
+
+    first = Node.first(ray)
+    state = first, [Tangent.first(first, o, d) for o, d in slopes], edge.path.bounces > 0
+
+    def bounce(node, ahead, active):
+        following = []
+        # What does not depend on the direction, Dr.Jit computes once
+        for tangent in ahead:
+            inputs, there, moving = attached(scene, tangents, node, tangent)
+            seen = visit(there, moving, limits)
+            branch, _ = edge.path.onward(seen)
+            child = seen.child(branch)
+            push_forward(inputs)
+            following.append(Tangent.of(child))
+        return dr.detach(child), following, dr.detach(branch.active) & (node.depth < edge.path.bounces)
+
+    if reflects(scene):
+        state = dr.while_loop(state, lambda *s: s[-1], bounce, mode="symbolic", label="level_jvp")
+    node, ahead, _ = state
+    results = []
+    for tangent in ahead:
+        inputs, there, moving = attached(scene, tangents, node, tangent)
+        value, faint = level_function(there, moving, edge.event, limits)
+        column, row, _ = board_place(there, moving.ray, edge.event)
+        outputs = value + faint * moving.weight, column, row
+        push_forward(inputs)
+        results.append(Slope(*(dr.grad(x) for x in outputs), tangent.d))
+    return results, dr.detach(moving.ray)
+
+
+def level_vjp(
+    scene: Scene, sums: Parameters, wide: Parameters, ray: Ray, seed: Array, limits: Limits, edge: Edge
+) -> tuple[dict[str, Array], Array, Array]:
+    """The derivatives of seed * (level function of an event at the end of a chain), like `radiance_vjp`."""
+    return walk_back(_Chain(scene, wide, seed, limits, None, edge), sums, ray)
+
+
+@dataclass(frozen=True)
+class _Chain(Tree):
+    """A walk along one chain, to the level function at its end and back."""
+
+    edge: Edge
+
+    def arrive(self, place, stack, sums):
+        """Trace a ray: go on with the child that the path takes, and at its end differentiate the level function."""
+        if not reflects(self.scene):
+            return self.end(place, stack, sums)
+        return dr.if_stmt((place, stack, sums), stack.size < self.edge.path.bounces, self.onward, self.end)
+
+    def onward(self, place, stack, sums):
+        node = place.node
+        seen = visit(self.scene, node, self.limits)
+        hit = seen.at.hit
+        branch, first = self.edge.path.onward(seen)
+        link = Link.of(hit.index, hit.inside, node.depth).marked(FIRST, first)
+        waiting = Waiting(Node(node.o, node.d, node.weight, link), Adjoint.zero(node, dr.width(node)), hit.t)
+        stack = stack.push(branch.active, waiting)
+        return Place(seen.child(branch), place.back, place.moves), stack, sums, branch.active
+
+    def end(self, place, stack, sums):
+        scene, there, values = self.attached(place.node)
+        value, faint = level_function(scene, there, self.edge.event, self.limits)
+        weight = place.node.weight
+        pull_back(self.seed * (value + faint * weight), dr.ones(type(weight)))
+        back = Adjoint(dr.grad(there.o), dr.grad(there.d), dr.detach(self.seed * faint))
+        none = dr.zeros(type(place.moves), dr.width(weight))
+        return Place(place.node, back, place.moves), stack, added(sums, values), none

@@ -1,0 +1,158 @@
+"""The search for a band's edges, which corrects the band's pixels."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ..core.arrays import Array
+from ..core.host import chunks, stacked, to_numpy
+from ..sampling.band import Band
+from . import kernels
+from .correction import Found, Numbers, numbers_of
+from .grid import Samples, band_samples, fine_samples, neighbours_across_edges
+from .locate import Crossing, Segment
+from .pairs import Crossings, Moves, Pairs, interleaved, pairs_of
+from .refinement import groups_to_refine
+from .settings import LANES, ROUNDS, ROUNDS_OF_SINGLE_SAMPLES, SAMPLES
+from .tables import concatenated, deposit, rows_of
+
+
+def correct(band: Band, keep: bool) -> tuple[Array, Found | None]:
+    """A band's pixels, row-major with RGB interleaved, and, if it is to be kept, what their derivatives need."""
+    return _Search(band, keep).run()
+
+
+class _Search:
+    """The search for a band's edges.
+
+    All samples, regular and finer, are numbered in the order in which they are traced.
+    """
+
+    def __init__(self, band: Band, keep: bool) -> None:
+        self.band, self.keep = band, keep
+        inputs = band.structure, band.parameters, band.film(margin=1), band.limits
+        self.flat, labels = kernels.labelled_image(*inputs)
+        self.image = self.flat.numpy()
+        grid = labels.numpy().reshape((band.rows + 2) * band.side, -1)
+        self.samples = band_samples(grid, band.side, band.first_row)
+        self.moves: dict[int, list[Moves]] = {}  # by the round of the search
+        self.crossed: list[tuple[Pairs, Crossings, Numbers]] = []  # what derivatives need of each chunk
+
+    def run(self) -> tuple[Array, Found | None]:
+        band, samples = self.band, self.samples
+        a, b, ends = neighbours_across_edges(samples)
+        groups = groups_to_refine(samples, ends)
+        columns, top = band.resolution[0], band.first_row
+        places = [fine_samples(pixels, side, columns, top) for pixels, side in groups if pixels.size]
+        traced = self.trace(places)
+
+        # Pixels that are sampled anew have pairs of their own
+        refined = np.sort(np.concatenate([pixels for pixels, _ in groups]))
+        apart = np.zeros(len(self.image) // 3 + 1, bool)
+        apart[refined] = apart[-1] = True
+        ends[apart.take(ends)] = -1
+        kept = np.flatnonzero(np.maximum(*ends) >= 0)
+        regular = pairs_of(samples, a.take(kept), b.take(kept), ends.take(kept, 1))
+        fine = self.refine(places, traced)
+        pairs = concatenated(
+            [regular, *(pairs_of(group, *neighbours_across_edges(group)) for group in fine)]
+        )
+        for part in chunks(len(pairs), LANES):
+            whole = len(pairs) <= LANES
+            self.cross(pairs if whole else rows_of(pairs, np.arange(part.start, part.stop)))
+        self.move()
+        return self.flat, Found(band, refined, fine, self.crossed) if self.keep else None
+
+    def trace(self, fine: list[tuple[Samples, np.ndarray]]) -> list[tuple[Array, Array]]:
+        """Begin to trace finer samples: their radiance and labels."""
+        if not fine:
+            return []
+        x, y = (np.concatenate([getattr(group, name)[places] for group, places in fine]) for name in "xy")
+        band, parts = self.band, chunks(len(x), SAMPLES)
+        return [kernels.labelled_samples(*band.inputs, *band.lanes(x[part], y[part])) for part in parts]
+
+    def refine(
+        self, fine: list[tuple[Samples, np.ndarray]], traced: list[tuple[Array, Array]]
+    ) -> list[Samples]:
+        """The finer samples with labels; pixels get the mean of their radiance."""
+        if not traced:
+            return []
+        colors = np.concatenate([to_numpy(color) for color, _ in traced], 1).T
+        labels = np.concatenate([label.numpy() for _, label in traced])
+        result, number, done = [], self.samples.labels.size, 0
+        for group, places in fine:
+            shape, size, part = group.labels.shape, group.labels.size, slice(done, done + len(places))
+            label, color = np.zeros(size, labels.dtype), np.zeros((size, 3), colors.dtype)
+            label[places], color[places] = labels[part], colors[part]
+            label = label.take(group.counted(np.arange(size)))
+            result.append(replace(group, labels=label.reshape(shape), first=number))
+            inside = np.arange(size).reshape(shape)[:, 1:-1, 1:-1].reshape(shape[0], -1).T
+            self.image.reshape(-1, 3)[group.pixel.take(inside[0])] = color.take(inside, 0).mean(0)
+            number, done = number + size, done + len(places)
+        return result
+
+    def cross(self, pairs: Pairs) -> None:
+        """Find the edges between pairs of samples, and what they move from pixel to pixel."""
+        groups, edges = [], []
+        for round, (pair, lane, crossing) in enumerate(_rounds(self.band, pairs)):
+            jump = stacked(crossing.jump, lane)
+            move = Moves(pairs.pixel.take(pair, 1), stacked(crossing.moved, lane), jump)
+            self.moves.setdefault(round, []).append(move)
+            if self.keep:
+                change = stacked(crossing.change, lane)
+                moves = np.flatnonzero(change.any(0))
+                lane = lane.take(moves)
+                found = {
+                    name: getattr(crossing, name).take(lane)
+                    for name in ("along", "weight", "singular", "behind")
+                }
+                jump, change = jump.take(moves, 1), change.take(moves, 1)
+                groups.append(Crossings(pair=pair.take(moves), jump=jump, change=change, **found))
+                edges.append(numbers_of(crossing.edge, lane))
+        if any(groups):
+            edge = {name: np.concatenate([edge[name] for edge in edges]) for name in edges[0]}
+            self.crossed.append((pairs, concatenated(groups), edge))
+
+    def move(self) -> None:
+        """Correct the pixels, in an order that does not depend on the chunks."""
+        for moves in map(concatenated, self.moves.values()):
+            deposit(self.image, moves.pixel, *(moves.moved * channel for channel in moves.jump))
+
+
+def _rounds(band: Band, pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray, Crossing]]:
+    """Edges between pairs of samples, and then those in what is left of the segments.
+
+    While the crossings of a round are used, those of the next round are already being computed.
+
+    Yields:
+        Each edge's pair, in order, its lane, and the crossings, whose arrays are NumPy's.
+    """
+
+    def search(pair: np.ndarray, *rest: np.ndarray) -> Crossing:
+        line = (column.take(pair) for column in (pairs.x, pairs.y, pairs.vertical, pairs.length))
+        return kernels.crossings(*band.inputs, Segment(*band.lanes(*line, *rest)))
+
+    pair = interleaved(np.arange(len(pairs)))
+    start, stop, ends = np.zeros(len(pair)), pairs.length.take(pair), pairs.label.take(pair, 1)
+    rounds = ROUNDS if band.side > 1 else ROUNDS_OF_SINGLE_SAMPLES
+    following = search(pair, start, stop, *ends) if len(pair) else None
+    for left_over in reversed(range(rounds)):
+        if following is None:
+            return
+        crossing, here, n = to_numpy(following), pair, len(pair)
+
+        # What is left of the segment on either side
+        left, right = np.flatnonzero(crossing.more_before[:n]), np.flatnonzero(crossing.more_behind[:n])
+        along, gap, before, behind = crossing.along, crossing.gap, crossing.label_before, crossing.label_behind
+        starts = np.concatenate([ends[0, left], behind[right]])
+        stops = np.concatenate([before[left], ends[1, right]])
+        ends = np.stack([starts, stops])
+        start = np.concatenate([start[left], (along + gap)[right]])
+        stop = np.concatenate([(along - gap)[left], stop[right]])
+        pair = np.concatenate([here[left], here[right]])
+        following = search(pair, start, stop, *ends) if left_over and len(pair) else None
+
+        lane = np.flatnonzero(crossing.found[:n])
+        lane = lane.take(np.argsort(here.take(lane), kind="stable"))
+        yield here.take(lane), lane, crossing

@@ -1,0 +1,1 @@
+"""Pictures and other files: written whole or not at all."""

@@ -1,0 +1,1 @@
+"""Recover a scene from its pictures."""

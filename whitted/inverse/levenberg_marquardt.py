@@ -1,0 +1,63 @@
+"""Second-order steps, for a handful of numbers.
+
+Source: D. Marquardt, "An Algorithm for Least-Squares Estimation of Nonlinear Parameters" (1963).
+"""
+
+import numpy as np
+
+from .loss import Objective
+from .search import NO_SLOPE, Search
+
+# The first damping; by what it falls after a good step and grows after a bad one; and where it is at an end
+DAMPING, FALL, GROWTH, LEAST, MOST = 1e-3, 5, 4, 1e-7, 1e6
+# A coarse fit needs no more than this part of the tolerance: the next one does the rest
+COARSE = 100
+
+
+def levenberg_marquardt(
+    search: Search, objective: Objective, x: np.ndarray, iterations: int, level: int
+) -> tuple[np.ndarray, str]:
+    """Steps (A + damping diag A)^-1 g, A = J'J and g = J'r, of which those are taken that lower the loss.
+
+    Args:
+        level: halvings of the pictures' resolution, 0 for the last fit.
+
+    Returns:
+        The numbers, and why the search ended.
+    """
+    damping = DAMPING
+    tolerance = search.tolerance * (COARSE if level else 1)
+    loss, slope, curvature = objective.normal_equations(x)
+    search.record(objective, loss, x, slope, curvature.diagonal())
+    for _ in range(iterations):
+        if not curvature.any():
+            return x, NO_SLOPE
+        taken = False
+        while not taken and damping < MOST:
+            step = _step(search, x, slope, curvature, damping)
+            after = search.bounded(x + step) - x
+            if np.abs(after / search.scale).max() < tolerance:
+                return x, "converged: steps are below the tolerance"
+            taken = objective.loss(x + after) < loss
+            damping = max(damping / FALL, LEAST) if taken else damping * GROWTH
+        if not taken:
+            return x, "converged: no step lowers the loss"
+        x = x + after
+        loss, slope, curvature = objective.normal_equations(x)
+        search.record(objective, loss, x, slope, curvature.diagonal())
+    return x, "iterations used up"
+
+
+def _step(
+    search: Search, x: np.ndarray, slope: np.ndarray, curvature: np.ndarray, damping: float
+) -> np.ndarray:
+    """A damped step of the numbers that can move, none by more than its scale."""
+    diagonal = curvature.diagonal()
+    at_bound = ((x <= search.low) & (slope > 0)) | ((x >= search.high) & (slope < 0))
+    free = np.flatnonzero(~at_bound & (diagonal > 0))
+    step = np.zeros(len(x))
+    # In units in which all diagonal elements are 1
+    unit = 1 / np.sqrt(diagonal[free])
+    matrix = curvature[np.ix_(free, free)] * np.outer(unit, unit) + (damping + 1e-9) * np.eye(len(free))
+    step[free] = -unit * np.linalg.solve(matrix, unit * slope[free])
+    return step / max(1.0, float(np.abs(step / search.scale).max()))

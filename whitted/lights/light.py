@@ -1,0 +1,37 @@
+"""What every light can do. As for shapes, arrays are of one light, or of one light a lane."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from ..core.arrays import Array
+
+Self = TypeVar("Self", bound="Light")
+
+
+@dataclass
+class Toward:
+    """A light as seen from a point."""
+
+    direction: Array  # Array3f: unit vector to the light
+    distance: Array  # infinite for a light at infinity
+    squared_distance: Array
+    end: Array | None  # Array3f: where the light is; None for a light at infinity
+
+
+class Light(ABC):
+    """A light without an extent, so that shadows are hard. Each subclass is a frozen dataclass with a name."""
+
+    name: str
+
+    @abstractmethod
+    def toward(self, p: Array) -> Toward:
+        """The way from a point to the light."""
+
+    @abstractmethod
+    def arriving(self, toward: Toward) -> Array:
+        """Array3f: the irradiance of a surface that faces the light."""
+
+    def prepared(self: Self) -> Self:
+        """The light with unit vectors for its directions."""
+        return self

@@ -1,0 +1,81 @@
+"""What this installation consists of, for people and for bug reports."""
+
+import os
+import re
+from collections import Counter
+from importlib.metadata import version
+from pathlib import Path
+
+import drjit as dr
+from drjit.llvm import Float
+
+from .. import llvm
+from ..lights import DirectionalLight
+from ..scene.features import (
+    branches_out,
+    glossy,
+    may,
+    reflects,
+    refracts,
+    shadow,
+    weights_vary,
+)
+from ..scene.scene import Scene
+from ..shapes import SHAPES
+
+
+def system() -> dict[str, str]:
+    """Versions, the libLLVM in use and why, vector width, threads and the folder of compiled kernels."""
+    library = llvm.configure()
+    cache = os.environ.get("DRJIT_CACHE_DIR") or Path.home() / ".drjit"
+    return {
+        "Dr.Jit": version("drjit"),
+        "libLLVM": f"{library.path} ({library.reason})",
+        "vector width": f"{_vector_width()} single-precision lanes",
+        "threads": str(dr.thread_count()),
+        "kernel cache": str(cache),
+    }
+
+
+def _vector_width() -> str:
+    """The width that a small kernel's code was generated for."""
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        dr.kernel_history_clear()
+        dr.eval(dr.opaque(Float, 1) + 1)
+        dr.sync_thread()
+        code = "".join(kernel["ir"].getvalue() for kernel in dr.kernel_history() if "ir" in kernel)
+    widths = re.search(r"<(\d+) x float>", code)
+    return widths[1] if widths else "unknown"
+
+
+def features(scene: Scene) -> list[str]:
+    """What a scene's kernel has compiled in."""
+    counts = Counter(type(shape) for shape in scene.shapes)
+    counted = [_count(counts[kind], kind.__name__.lower()) for kind in SHAPES if counts[kind]]
+    lights, facts = scene.lights, scene.features
+    shadows = {shadow(scene, material) for material in scene.used}
+    materials_that_fill = [m.name for m in scene.used if may(scene, m, "refraction")]
+    optional = {
+        f"{_count(len(lights), 'light')} with hard shadows": bool(lights),
+        "inverse-square falloff": any(getattr(x, "falloff", "none") != "none" for x in lights),
+        "directional light": any(isinstance(light, DirectionalLight) for light in lights),
+        "partial shadows": bool(lights) and "part" in shadows,
+        "Lambert": any(may(scene, m, "color") or m.checker for m in scene.used),
+        "checkerboard": any(m.checker for m in scene.used),
+        "Blinn-Phong": glossy(scene),
+        "ambient": "ambient" in facts.live,
+        "reflection": reflects(scene),
+        "refraction": refracts(scene),
+        "Fresnel": weights_vary(scene),
+        "media search": sum(one.made_of(materials_that_fill) for one in scene.sets) > 1,
+        "least importance": scene.min_importance > 0,
+        "compensated sums": bool(facts.compensated),
+        "coinciding primitives": bool(facts.hidden),
+        "tree of rays": branches_out(scene),
+        "chain of rays": reflects(scene) and not branches_out(scene),
+    }
+    return counted + [name for name, present in optional.items() if present]
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"

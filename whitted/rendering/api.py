@@ -1,0 +1,55 @@
+"""`render`: an image at so many samples, or of so small an error."""
+
+from collections.abc import Callable
+
+from ..core.arrays import Array
+from ..scene.scene import Scene
+from .auto_samples import recommend
+from .samples import render_samples
+
+
+def render(
+    scene: Scene,
+    spp: int = 1,
+    *,
+    error: float | None = None,
+    boundary: bool | None = None,
+    terms: str = "both",
+    max_depth: int | None = None,
+    resolution: tuple[int, int] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Array:
+    """Render a scene, differentiably in the parameters that `Scene.replace` gave it.
+
+    Args:
+        spp: samples a pixel, a perfect square n * n; they sit on a regular n x n grid.
+        error: choose spp and boundary so that the relative error (RMSE over the image's root mean square) is at most
+            this, and the cost is least; takes the place of both.
+        boundary: find the edges between samples, which corrects the pixels and adds to the derivatives what moving
+            edges contribute [default]; False gives plain samples and their derivatives, which miss it.
+        terms: of the derivatives: "both", or only the "interior" or the "boundary" term of their sum.
+        max_depth: nodes on the longest chain of rays, in place of the scene's.
+        resolution: width and height in pixels, in place of the scene's.
+        progress: called with the fraction done, in (0, 1], after each band of rows.
+
+    Returns:
+        Linear RGB radiance, a `TensorXf` (`TensorXf64` in double precision) of shape (height, width, 3).
+
+    Raises:
+        ValueError: an argument is out of range, or the image does not fit in memory.
+    """
+    if error is not None:
+        for name, given in (("spp", spp != 1), ("boundary", boundary is not None)):
+            if given:
+                raise ValueError(f"error: chooses {name} itself; leave {name} out, or error")
+        chosen = recommend(scene, error, max_depth, resolution)
+        spp, boundary = chosen.spp, chosen.boundary
+    return render_samples(
+        scene,
+        spp,
+        boundary=boundary is None or boundary,
+        terms=terms,
+        max_depth=max_depth,
+        resolution=resolution,
+        progress=progress,
+    )

@@ -1,0 +1,81 @@
+"""The derivative of an image by one number of its scene, as an image."""
+
+from collections.abc import Callable
+
+import drjit as dr
+
+from ..core.arrays import Array
+from ..scene.scene import Scene
+from .api import render
+
+COMPONENTS = ("x", "y", "z")
+
+
+def gradient(
+    scene: Scene,
+    name: str,
+    component: str | None = None,
+    spp: int = 1,
+    *,
+    error: float | None = None,
+    boundary: bool | None = None,
+    terms: str = "both",
+    max_depth: int | None = None,
+    resolution: tuple[int, int] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Array:
+    """Differentiate every pixel by one parameter, in forward mode.
+
+    Args:
+        name: of a parameter of the scene, as in `Scene.parameters`.
+        component: of a vector, "x", "y" or "z", which are red, green and blue of a colour; None for a number.
+        spp, error, boundary, terms, max_depth, resolution: as of `render`.
+        progress: called with the fraction done, in (0, 1]; the first half is the image, the second its derivative.
+
+    Returns:
+        d image / d parameter, of the type and shape of the image.
+
+    Raises:
+        KeyError: a name that the scene does not have; the message lists the nearest ones.
+        ValueError: a component that the parameter does not have, a vector without one, or what `render` refuses.
+    """
+    values = dr.detach(scene.parameters(name))
+    tangent = _unit(name, values[name], component)
+    dr.enable_grad(values)
+    dr.set_grad(values[name], tangent)
+    image = render(
+        scene.replace(values),
+        spp,
+        error=error,
+        boundary=boundary,
+        terms=terms,
+        max_depth=max_depth,
+        resolution=resolution,
+        progress=progress and _in_halves(progress),
+    )
+    return dr.forward_to(image)
+
+
+def _unit(name: str, value: Array, component: str | None) -> Array:
+    """The tangent along a component of a vector, or along a number."""
+    if dr.depth_v(value) == 1:
+        if component is not None:
+            raise ValueError(f"component: expected none for the number '{name}', got {component}")
+        return type(value)(1)
+    if component not in COMPONENTS:
+        expected = "x, y or z (red, green or blue of a colour)"
+        raise ValueError(f"component: expected {expected} for the vector '{name}', got {component or 'none'}")
+    return type(value)(*(float(axis == component) for axis in COMPONENTS))
+
+
+def _in_halves(progress: Callable[[float], None]) -> Callable[[float], None]:
+    """One count from 0 to 1 of two that follow each other."""
+    done = 0.0
+
+    def report(fraction: float) -> None:
+        nonlocal done
+        progress(done + fraction / 2)
+        if fraction >= 1:
+            done = 0.5
+
+    return report

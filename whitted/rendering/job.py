@@ -1,0 +1,131 @@
+"""One image to compute, and its derivatives, a band of rows at a time."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+
+import drjit as dr
+import numpy as np
+from drjit.llvm import ad
+
+from ..core.arrays import Array
+from ..edges.correction import Found
+from ..edges.search import correct
+from ..edges.settings import LEAST_WEIGHT
+from ..sampling import kernels
+from ..sampling.band import Band
+from ..sampling.film import Film
+from ..scene.scene import Scene
+from ..scene.structure import Structure
+from ..tracing.node import Limits
+
+# Samples in a band: enough to keep all cores busy, few enough to report progress and to stop between two of them
+BAND = 1 << 22
+
+Parameters = dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Job:
+    """An image of plain samples; its parameters carry no gradients."""
+
+    scene: Scene
+    parameters: Parameters
+    resolution: tuple[int, int]
+    max_depth: int
+    side: int  # samples along a pixel's side
+    progress: Callable[[float], None] | None
+
+    @property
+    def limits(self) -> Limits:
+        least, real = self.scene.min_importance, self.scene.precision.real
+        importance = dr.opaque(real, least) if least > 0 else None
+        return Limits(self.max_depth, dr.opaque(ad.UInt32, self.max_depth), importance)
+
+    def bands(self) -> Iterator[tuple[int, int]]:
+        """First row and rows of each band."""
+        width, height = self.resolution
+        rows = max(4, BAND // (width * self.side**2) // 4 * 4)
+        for first in range(0, height, rows):
+            yield first, min(rows, height - first)
+
+    def band(self, first: int, rows: int) -> Band:
+        structure = self.scene.structure
+        return Band(structure, self.parameters, self.limits, self.resolution, first, rows, self.side)
+
+    def image(self) -> Array:
+        return self._assemble(lambda *rows: kernels.image(*self._inputs(*rows)))
+
+    def tangent(self, wrt: Parameters, tangents: Parameters) -> Array:
+        """The image's derivative along the tangents of the parameters `wrt`."""
+        dr.make_opaque(tangents)
+        return self._assemble(lambda *rows: kernels.image_jvp(*self._inputs(*rows), dict(wrt), dict(tangents)))
+
+    def adjoint(self, wrt: Parameters, image: Array) -> Parameters:
+        """The derivatives by the parameters `wrt`, from those by the image's pixels."""
+        dr.make_opaque(image)
+        total: Parameters | None = None
+        for first, rows in self.bands():
+            part = image.array if rows == image.shape[0] else image[first : first + rows].array
+            gradients = self._adjoint(first, rows, dict(wrt), part)
+            total = gradients if total is None else {name: total[name] + gradients[name] for name in total}
+        return total or {}
+
+    def _adjoint(self, first: int, rows: int, wrt: Parameters, part: Array) -> Parameters:
+        return kernels.image_vjp(*self._inputs(first, rows), wrt, part)
+
+    def _inputs(self, first: int, rows: int) -> tuple[Structure, Parameters, Film, Limits]:
+        band = self.band(first, rows)
+        return band.structure, band.parameters, band.inner, band.limits
+
+    def _assemble(self, kernel: Callable[[int, int], Array]) -> Array:
+        """The bands' pixels as one tensor."""
+        width, height = self.resolution
+        precision = self.scene.precision
+        whole: Array = None
+        for first, rows in self.bands():
+            pixels = kernel(first, rows)
+            if rows < height:
+                whole = np.empty(height * width * 3, precision.dtype) if first == 0 else whole
+                whole[first * width * 3 : (first + rows) * width * 3] = pixels.numpy()
+            else:
+                whole = pixels
+            if self.progress is not None:
+                dr.sync_thread()
+                self.progress((first + rows) / height)
+        return precision.tensor(precision.real(whole), (height, width, 3))
+
+
+@dataclass(frozen=True)
+class BoundaryJob(Job):
+    """An image with its edges; what is known of them is kept for the derivatives."""
+
+    terms: str = "both"
+    keep: bool = False
+    found: dict[int, Found] = field(default_factory=dict)
+
+    @property
+    def limits(self) -> Limits:
+        faint = dr.opaque(self.scene.precision.real, LEAST_WEIGHT / self.side**2)
+        return replace(super().limits, faint=faint)
+
+    def image(self) -> Array:
+        return self._assemble(self._correct)
+
+    def _correct(self, first: int, rows: int) -> Array:
+        # Edges are found by derivatives of their own
+        with dr.resume_grad():
+            pixels, found = correct(self.band(first, rows), self.keep)
+        if found is not None:
+            self.found[first] = found
+        return pixels
+
+    def tangent(self, wrt: Parameters, tangents: Parameters) -> Array:
+        dr.make_opaque(tangents)
+
+        def tangent(first: int, _: int) -> Array:
+            return self.found[first].correction.tangent(dict(wrt), dict(tangents), self.terms)
+
+        return self._assemble(tangent)
+
+    def _adjoint(self, first: int, rows: int, wrt: Parameters, part: Array) -> Parameters:
+        return self.found[first].correction.adjoint(wrt, part, self.terms)

@@ -1,0 +1,104 @@
+"""Rendering at a number of samples.
+
+The image comes from a plain kernel, and its derivatives from kernels that trace again with gradients, so that nothing
+of the trees of rays is stored in between.
+"""
+
+import math
+import os
+import threading
+from collections.abc import Callable
+
+import drjit as dr
+import numpy as np
+
+from ..core.arrays import Array
+from ..edges.correction import TERMS
+from ..scene.scene import MAX_DEPTH, Scene
+from .job import BoundaryJob, Job
+
+MAX_SPP = 1 << 16
+# Dr.Jit's frozen functions cannot be entered by two threads at once. Derivatives are for one thread at a time: Dr.Jit's own
+# work on them in another thread can wait for what waits for it
+LOCK = threading.RLock()
+
+
+def render_samples(
+    scene: Scene,
+    spp: int = 1,
+    *,
+    boundary: bool = True,
+    terms: str = "both",
+    max_depth: int | None = None,
+    resolution: tuple[int, int] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Array:
+    """Render a scene, differentiably in the parameters that `Scene.replace` gave it.
+
+    Args:
+        spp: samples a pixel, a perfect square n * n; they sit on a regular n x n grid.
+        boundary: find the edges between samples, which corrects the pixels and adds to the derivatives what moving
+            edges contribute; False gives plain samples and their derivatives, which miss it.
+        terms: of the derivatives: "both", or only the "interior" or the "boundary" term of their sum.
+        max_depth: nodes on the longest chain of rays, in place of the scene's.
+        resolution: width and height in pixels, in place of the scene's.
+        progress: called with the fraction done, in (0, 1], after each band of rows.
+
+    Returns:
+        Linear RGB radiance, a `TensorXf` (`TensorXf64` in double precision) of shape (height, width, 3).
+
+    Raises:
+        ValueError: an argument is out of range, or the image does not fit in memory.
+    """
+    if terms not in TERMS or (terms != "both" and not boundary):
+        raise ValueError(f"terms: expected one of {', '.join(TERMS)}, with boundary=True, got {terms!r}")
+    side = math.isqrt(spp) if _is_whole(spp, 1, MAX_SPP) else 0
+    if side * side != spp or not side:
+        raise ValueError(f"spp: expected a perfect square (1, 4, 9, 16, ...) up to {MAX_SPP}, got {spp!r}")
+    if max_depth is not None and not _is_whole(max_depth, 1, MAX_DEPTH):
+        raise ValueError(f"max_depth: expected a whole number from 1 to {MAX_DEPTH}, got {max_depth!r}")
+    size = _checked(scene.resolution if resolution is None else resolution)
+    _check_memory(*size, dr.itemsize_v(scene.background))
+    parameters = scene.parameters()
+    # A value that is part of the code would be a kernel of its own
+    dr.make_opaque(parameters)
+    wrt = {name: value for name, value in parameters.items() if dr.grad_enabled(value)}
+    still = dr.detach(parameters) if wrt else parameters
+    about = scene, still, size, max_depth or scene.max_depth, side, progress
+    job = BoundaryJob(*about, terms, keep=bool(wrt)) if boundary else Job(*about)
+    with LOCK:
+        # Within a function Dr.Jit does not look for arrays, of which only those in `wrt` are inputs
+        return dr.custom(_Render, wrt, lambda: job) if wrt else job.image()
+
+
+def _is_whole(value: object, low: int, high: int) -> bool:
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool) and bool(low <= value <= high)
+
+
+def _checked(resolution: object) -> tuple[int, int]:
+    pair = tuple(resolution) if isinstance(resolution, (tuple, list)) else ()
+    if len(pair) != 2 or not all(_is_whole(n, 1, 1 << 20) for n in pair):
+        expected = "(width, height), two whole numbers of pixels > 0"
+        raise ValueError(f"resolution: expected {expected}, got {resolution!r}")
+    return int(pair[0]), int(pair[1])
+
+
+def _check_memory(width: int, height: int, size: int) -> None:
+    need, have = width * height * 3 * size, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if need > have / 2 or width * height * 3 >= 1 << 32:
+        takes = f"an image of {width} x {height} takes {need / (1 << 30):.1f} GiB"
+        raise ValueError(f"resolution: {takes}, too much; use a smaller one")
+
+
+class _Render(dr.CustomOp):
+    """The image as one node of Dr.Jit's computation graph."""
+
+    def eval(self, wrt, job):
+        self.wrt, self.job = wrt, job()
+        return self.job.image()
+
+    def forward(self):
+        self.set_grad_out(self.job.tangent(self.wrt, self.grad_in("wrt")))
+
+    def backward(self):
+        self.set_grad_in("wrt", self.job.adjoint(self.wrt, self.grad_out()))

@@ -1,0 +1,65 @@
+"""A band of an image's rows, and what kernels that work on it take first."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..core.arrays import Array
+from ..core.host import to_lanes
+from ..scene.structure import Structure
+from ..tracing.node import Limits
+from .film import Film, film_of
+
+# Inputs of a kernel at points
+Inputs = tuple[Structure, dict[str, Array], Array, Limits]
+
+
+@dataclass(frozen=True)
+class Band:
+    """Some rows of an image."""
+
+    structure: Structure
+    parameters: dict[str, Array]
+    limits: Limits
+    resolution: tuple[int, int]  # of the whole image
+    first_row: int
+    rows: int
+    side: int  # samples along a pixel's side
+
+    @property
+    def dtype(self) -> Any:
+        """NumPy's type for real numbers."""
+        return self.structure.precision.dtype
+
+    def film(self, margin: int = 0) -> Film:
+        """The band's film, with so many pixels around it."""
+        precision = self.structure.precision
+        return film_of(self.resolution, self.first_row, self.rows, self.side, precision, margin)
+
+    @cached_property
+    def inner(self) -> Film:
+        """The film without a margin."""
+        return self.film()
+
+    @cached_property
+    def finer(self) -> Film:
+        """The film with four samples for each."""
+        return replace(self, side=2 * self.side).film()
+
+    @property
+    def inputs(self) -> Inputs:
+        """What all kernels at points take first."""
+        return self.structure, self.parameters, self.inner.size, self.limits
+
+    def lanes(self, *arrays: np.ndarray) -> list[Array]:
+        """Dr.Jit arrays of whole packets, real numbers in the band's precision."""
+        return [
+            to_lanes(array.astype(self.dtype, copy=False) if array.dtype.kind == "f" else array)
+            for array in arrays
+        ]
+
+    def color(self, channels: np.ndarray) -> Array:
+        """The lanes of colours of shape (3, N)."""
+        return self.structure.precision.vector(*self.lanes(*channels))

@@ -1,0 +1,125 @@
+"""The kernels of a film: a band's pixels, and their derivatives in one direction or by all parameters at once.
+
+Each runs in a frozen function, which skips tracing the Python code when a scene of the same structure comes again.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import drjit as dr
+from drjit.llvm import ad
+
+from ..autodiff.forward import radiance_jvp
+from ..autodiff.reverse import radiance_vjp
+from ..core.arrays import Array
+from ..core.frozen import frozen
+from ..scene.structure import Structure
+from ..tracing.node import Limits
+from ..tracing.recursion import radiance
+from .differentiated import Forward, Parameters, Reverse, prepare
+from .film import Film, next_sample, pixel, sample_ray
+
+# Lanes of the reverse kernel: each takes many pixels, so that little is left to sum
+REVERSE_LANES = 1 << 14
+
+
+def accumulate(film: Film, of_sample: Callable[[Array, Array, Array, Array], Array], color: Any) -> Array:
+    """A band's pixels, row-major with RGB interleaved: the means of their samples, without the margin's.
+
+    Args:
+        of_sample: pixel column and row in the band, and place (i, j) on the pixel's grid, to the sample's Array3f.
+        color: the type of Array3f.
+    """
+    x, y, valid = pixel(film, dr.arange(ad.Int, film.lanes))
+
+    def sample(i, j, total, active):
+        total += of_sample(x, y, i, j)
+        i, j = next_sample(film, i, j)
+        return i, j, total, active & (j < film.side)
+
+    zero = dr.zeros(ad.Int, film.lanes)
+    state: Any = zero, zero, dr.zeros(color, film.lanes), valid
+    total = dr.while_loop(state, lambda *s: s[-1], sample, mode="symbolic", label="samples")[2]
+    pixels: Array = dr.empty(dr.value_t(color), film.pixels * 3)
+    inside = valid & (x >= 0) & (y >= 0) & (x < film.width) & (y < film.rows)
+    dr.scatter(pixels, total * film.step * film.step, ad.UInt32(y * film.width + x), inside)
+    return pixels
+
+
+@frozen
+def image(structure: Structure, parameters: Parameters, film: Film, limits: Limits) -> Array:
+    """A band's pixels, row-major with RGB interleaved."""
+    scene, frame = prepare(structure, parameters, film.size)
+
+    def of_sample(x, y, i, j):
+        return radiance(scene, sample_ray(frame, film, x, y, i, j), limits)
+
+    return accumulate(film, of_sample, type(scene.background))
+
+
+@frozen
+def image_jvp(
+    structure: Structure,
+    parameters: Parameters,
+    film: Film,
+    limits: Limits,
+    wrt: Parameters,
+    tangents: Parameters,
+    weights: Array | None = None,
+) -> Array:
+    """The derivative of `image` along the tangents of the parameters `wrt`.
+
+    Args:
+        weights: what each sample counts for, row by row of samples [default: 1].
+    """
+    moving = Forward(structure, parameters, film.size, wrt, tangents)
+
+    def of_sample(x, y, i, j):
+        rays = moving.ray(lambda frame: sample_ray(frame, film, x, y, i, j))
+        slope = radiance_jvp(moving.scene, moving.tangents, *rays, limits)
+        return slope if weights is None else slope * _weight(film, weights, x, y, i, j)
+
+    return accumulate(film, of_sample, structure.precision.vector)
+
+
+@frozen
+def image_vjp(
+    structure: Structure,
+    parameters: Parameters,
+    film: Film,
+    limits: Limits,
+    wrt: Parameters,
+    adjoint: Array,
+    weights: Array | None = None,
+) -> Parameters:
+    """The derivatives of dot(adjoint, image) by the parameters `wrt`, with weights as those of `image_jvp`."""
+    real, color = structure.precision.real, structure.precision.vector
+    lanes = min(film.lanes, REVERSE_LANES)
+    stride = dr.minimum(film.count, REVERSE_LANES)
+    # Zeros that the compiler cannot see
+    reverse = Reverse(structure, parameters, film.size, wrt, real(dr.arange(ad.Int, lanes) >> 31))
+
+    def sample(index, i, j, sums, active):
+        x, y, valid = pixel(film, index)
+        place = ad.UInt32(y * film.width + x)
+        seed = dr.gather(color, adjoint, place, valid) * (film.step * film.step)
+        seed = seed if weights is None else seed * _weight(film, weights, x, y, i, j)
+
+        def walk(scene, sums, wide, ray):
+            return radiance_vjp(scene, sums, wide, ray, seed, limits, reverse.frame_moves)
+
+        sums = reverse.add(sums, lambda frame: sample_ray(frame, film, x, y, i, j), walk)
+        i, j = next_sample(film, i, j)
+        done = j == film.side
+        index = dr.select(done, index + stride, index)
+        return index, i, dr.select(done, 0, j), sums, index < film.count
+
+    zero = dr.zeros(ad.Int, lanes)
+    state = dr.arange(ad.Int, lanes), zero, zero, reverse.zeros(lanes), dr.ones(ad.Bool, lanes)
+    sums = dr.while_loop(state, lambda *s: s[-1], sample, mode="symbolic", label="samples")[3]
+    return reverse.gradients(sums)
+
+
+def _weight(film: Film, weights: Array, x: Array, y: Array, i: Array, j: Array) -> Array:
+    index = ((y * film.side + j) * film.width + x) * film.side + i
+    return dr.gather(type(film.step), weights, ad.UInt32(index), (x < film.width) & (y < film.rows))

@@ -1,0 +1,71 @@
+"""Kernels for derivatives of samples at any image position, rather than of those of a film.
+
+Each has one lane for each of its inputs, whose number may differ from call to call, and runs in a frozen function.
+"""
+
+import drjit as dr
+
+from ..autodiff.forward import radiance_jvp
+from ..autodiff.reverse import radiance_vjp
+from ..core.arrays import Array
+from ..core.frozen import frozen
+from ..scene.structure import Structure
+from ..tracing.node import Limits
+from ..tracing.primary import image_ray
+from .differentiated import Forward, Parameters, Reverse
+
+# The pixel of what is outside of the band
+NOWHERE = 0xFFFFFFFF
+
+
+def in_lanes(x: Array, value: Array) -> Array:
+    """The value in as many lanes as x has. A constant of width 1 would keep the width of the call that was recorded."""
+    other = type(value)(1) if dr.type_v(value) is dr.VarType.Bool else type(value)(77)
+    return dr.select(x < dr.inf, value, other)
+
+
+@frozen
+def samples_jvp(
+    structure: Structure,
+    parameters: Parameters,
+    size: Array,
+    limits: Limits,
+    wrt: Parameters,
+    tangents: Parameters,
+    x: Array,
+    y: Array,
+) -> Array:
+    """The derivative of radiance at image positions along the tangents of the parameters `wrt`."""
+    moving = Forward(structure, parameters, size, wrt, tangents)
+    rays = moving.ray(lambda frame: image_ray(frame, size, x, y))
+    return in_lanes(x, radiance_jvp(moving.scene, moving.tangents, *rays, limits))
+
+
+@frozen
+def samples_vjp(
+    structure: Structure,
+    parameters: Parameters,
+    size: Array,
+    limits: Limits,
+    wrt: Parameters,
+    adjoint: Array,
+    pixel: Array,
+    weight: Array,
+    x: Array,
+    y: Array,
+) -> Parameters:
+    """The derivatives by the parameters `wrt` of dot(adjoint, pixels), to which positions add weighted radiance."""
+    lanes = dr.width(x)
+    reverse = Reverse(structure, parameters, size, wrt, dr.zeros(type(x), lanes))
+    seed = weight * of_pixel(structure, adjoint, pixel)
+
+    def walk(scene, sums, wide, ray):
+        return radiance_vjp(scene, sums, wide, ray, seed, limits, reverse.frame_moves)
+
+    sums = reverse.add(reverse.zeros(lanes), lambda frame: image_ray(frame, size, x, y), walk)
+    return reverse.gradients(sums)
+
+
+def of_pixel(structure: Structure, adjoint: Array, pixel: Array) -> Array:
+    """The adjoint of pixels, and zero for NOWHERE."""
+    return dr.gather(structure.precision.vector, adjoint, pixel, pixel != NOWHERE)

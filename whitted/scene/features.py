@@ -1,0 +1,127 @@
+"""What a scene's kernels have compiled in, derived from its numbers: no more than the scene needs.
+
+A parameter with its neutral value (a weight of 0, a shadow of 1) is left out of the code, unless `Scene.replace` has
+touched it: what an optimiser moves must not compile a kernel anew when it passes through that value, and a derivative
+at the value needs the code.
+"""
+
+from collections.abc import Collection, Hashable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from ..core.arrays import SINGLE
+from ..shapes import SHAPES
+from .material import Material
+
+if TYPE_CHECKING:
+    from .scene import Scene
+
+
+@dataclass(frozen=True)
+class Features:
+    """Facts about a scene that decide what is compiled."""
+
+    live: frozenset[str]  # parameters that have a neutral value, and may have another one
+    coated: frozenset[str]  # materials that are opaque, and reflect like polished dielectrics
+    shadowless: frozenset[str]  # materials of which things keep no light away
+    hidden: frozenset[int]  # primitives that coincide with an earlier one, and are never met
+    compensated: frozenset[int]  # primitives that need sums that keep their rounding errors
+
+
+def features_of(scene: "Scene", before: Features | None = None, changed: Collection[str] = ()) -> Features:
+    """The features of a scene with the numbers that it has now.
+
+    Args:
+        before: the features that the scene had before the parameters of some names changed.
+    """
+    if before is None or not scene.neutral.keys().isdisjoint(changed):
+        of_materials = _of_materials(scene)
+    else:
+        of_materials = before.live, before.coated, before.shadowless
+    if before is None or any(name.startswith(PLACES) for name in changed):
+        of_places = _of_places(scene)
+    else:
+        of_places = before.hidden, before.compensated
+    return Features(*of_materials, *of_places)
+
+
+# What tells where things are
+PLACES = ("camera.position", *(f"{kind.group}." for kind in SHAPES))
+
+
+def _of_materials(scene: "Scene") -> tuple[frozenset[str], frozenset[str], frozenset[str]]:
+    """Which parameters are live, and which materials are coated and shadowless."""
+    numbers, touched = scene.numbers, scene.touched
+    live = {
+        name for name, neutral in scene.neutral.items() if name in touched or numbers[name] != neutral
+    }
+    coated, shadowless = set(), set()
+    for material in scene.materials:
+        prefix = f"materials.{material.name}"
+        polished = material.fresnel and f"{prefix}.reflection" in live
+        if polished and numbers[f"{prefix}.refraction"] == (0,):
+            coated.add(material.name)
+        if f"{prefix}.shadow" not in touched and numbers[f"{prefix}.shadow"] == (0,):
+            shadowless.add(material.name)
+    return frozenset(live), frozenset(coated), frozenset(shadowless)
+
+
+def _of_places(scene: "Scene") -> tuple[frozenset[int], frozenset[int]]:
+    """Which primitives are hidden, and which need compensated sums."""
+    numbers = scene.numbers
+    places: dict[Hashable, int] = {}
+    hidden, compensated = set(), set()
+    eye, single = numbers["camera.position"], scene.precision is SINGLE
+    for k, (shape, names) in enumerate(zip(scene.shapes, scene.names_by_shape, strict=True)):
+        own = [numbers[name] for name in names]
+        if places.setdefault((shape.group, shape.place(*own)), k) != k:
+            hidden.add(k)
+        if single and shape.needs_compensation(eye, *own):
+            compensated.add(k)
+    return frozenset(hidden), frozenset(compensated)
+
+
+def may(scene: "Scene", material: Material, field: str) -> bool:
+    """Whether a material's parameter can have another value than its neutral one, and so is worth compiling."""
+    return f"materials.{material.name}.{field}" in scene.features.live
+
+
+def reflects(scene: "Scene") -> bool:
+    """Whether any material can send a reflected ray: mirrors, and glass by total reflection."""
+    return any(may(scene, m, "reflection") or may(scene, m, "refraction") for m in scene.used)
+
+
+def refracts(scene: "Scene") -> bool:
+    return any(may(scene, m, "refraction") for m in scene.used)
+
+
+def branches_out(scene: "Scene") -> bool:
+    """Whether any material can send both rays at once; without one the tree is a chain."""
+    return any(may(scene, m, "reflection") and may(scene, m, "refraction") for m in scene.used)
+
+
+def coats(scene: "Scene") -> bool:
+    """Whether anything opaque reflects like a polished dielectric."""
+    return any(m.name in scene.features.coated for m in scene.used)
+
+
+def bends(scene: "Scene") -> bool:
+    """Whether any interface between two media matters: of glass, or of what is polished."""
+    return refracts(scene) or coats(scene)
+
+
+def weights_vary(scene: "Scene") -> bool:
+    """Whether weights depend on the angle, so that they can change while no decision flips."""
+    return any(m.fresnel for m in scene.used) and bends(scene)
+
+
+def glossy(scene: "Scene") -> bool:
+    """Whether any material has highlights."""
+    return any(may(scene, m, "specular") for m in scene.used)
+
+
+def shadow(scene: "Scene", material: Material) -> Literal["full", "part", "none"]:
+    """How much of a light a material keeps away."""
+    if material.name in scene.features.shadowless:
+        return "none"
+    return "part" if may(scene, material, "shadow") else "full"

@@ -1,0 +1,122 @@
+"""A scene's parameters by name: where each one is, what may take its place, and its numbers."""
+
+import difflib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from ..core.arrays import Array
+from ..core.parameter import OVERSTEP, Parameter, parameters_of
+
+Numbers = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Location:
+    """Where a parameter is: a field of the scene, a place in it if it is a tuple, and fields from there on."""
+
+    field: str
+    place: int | None
+    path: tuple[str, ...]
+    entry: Parameter
+
+    def read(self, scene: Any) -> Array:
+        """The parameter's array."""
+        value = getattr(scene, self.field)
+        value = value if self.place is None else value[self.place]
+        for name in self.path:
+            value = getattr(value, name)
+        return value
+
+
+def locations_in(
+    thing: Any, prefix: str, whole: str, place: int | None = None, path: tuple[str, ...] = ()
+) -> Iterator[tuple[str, Location]]:
+    """Names and places of a thing's parameters, and of those of the things that it has.
+
+    Args:
+        whole, place, path: where the thing itself is.
+    """
+    for field, entry in parameters_of(type(thing)).items():
+        yield f"{prefix}.{field}", Location(whole, place, (*path, field), entry)
+    for field in fields(thing):
+        part = getattr(thing, field.name)
+        if is_dataclass(part):
+            yield from locations_in(part, f"{prefix}.{field.name}", whole, place, (*path, field.name))
+
+
+def with_values(thing: Any, values: Mapping[tuple[str, ...], Array]) -> Any:
+    """A copy of a thing with other arrays, by the path to each."""
+    changes: dict[str, Any] = {}
+    inner: dict[str, dict[tuple[str, ...], Array]] = {}
+    for (field, *rest), value in values.items():
+        if rest:
+            inner.setdefault(field, {})[tuple(rest)] = value
+        else:
+            changes[field] = value
+    changes |= {field: with_values(getattr(thing, field), own) for field, own in inner.items()}
+    return replace(thing, **changes)
+
+
+def check_names(names: Iterable[str], known: Mapping[str, object]) -> None:
+    """Refuse names that are not known.
+
+    Raises:
+        KeyError: the message lists the nearest names.
+    """
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.5) or list(known)[:3]
+            raise KeyError(f"the scene has no parameter '{name}'; nearest: {', '.join(near)}")
+
+
+def as_parameter(name: str, value: object, old: Array) -> Array:
+    """A value as an array of the old one's type.
+
+    Raises:
+        ValueError: it is not one number, or not one vector, as the old one is.
+    """
+    want, size = ("one vector of three numbers", 3) if dr.depth_v(old) == 2 else ("one number", 1)
+    if value is not None and dr.is_jit_v(value):
+        alike = dr.depth_v(value) == dr.depth_v(old) and dr.size_v(value) == dr.size_v(old)
+        if not alike or dr.width(value) != 1:
+            raise ValueError(
+                f"{name}: expected {want}, got {type(value).__name__} of shape {dr.shape(value)}"
+            )
+        return value if type(value) is type(old) else type(old)(value)
+    try:
+        numbers = np.asarray(value, dtype=np.float64).ravel()
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
+    if numbers.size != size or not np.isfinite(numbers).all():
+        raise ValueError(f"{name}: expected {want}, got {value!r}")
+    return type(old)(*numbers.tolist())
+
+
+def numbers_of(arrays: Mapping[str, Array]) -> dict[str, Numbers]:
+    """The numbers of parameters. Waits for the kernels that compute them."""
+    known = {name: dr.detach(array) for name, array in arrays.items()}
+    dr.eval(known)
+    return {
+        name: tuple(part[0] for part in array) if dr.depth_v(array) == 2 else (array[0],)
+        for name, array in known.items()
+    }
+
+
+def check_numbers(numbers: Mapping[str, Numbers], locations: Mapping[str, Location]) -> None:
+    """Refuse numbers that have no meaning, as a step of an optimiser may bring them.
+
+    Raises:
+        ValueError: a number outside of its parameter's range, by more than `OVERSTEP` where the range is closed.
+    """
+    for name, own in numbers.items():
+        entry = locations[name].entry
+        told = f"{name} = {', '.join(f'{x:g}' for x in own)}"
+        if not all(entry.legal.holds(x, OVERSTEP) for x in own):
+            expected = entry.legal.expected(entry.size)
+            raise ValueError(f"{told}: expected {expected}; bound the steps of the optimiser")
+        if entry.legal.direction and not any(own):
+            raise ValueError(f"{told}: expected a direction, not zero")

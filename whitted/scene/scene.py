@@ -1,0 +1,193 @@
+"""The scene: what there is, and its parameters by name."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import drjit as dr
+
+from ..core.arrays import Array, Precision, precision_of
+from ..core.parameter import ANY, NON_NEGATIVE, parameter, parameters_of
+from ..lights import Light
+from ..shapes import SHAPES, Shape
+from ..shapes.sets import ShapeSet
+from .camera import Camera
+from .features import Features, features_of
+from .material import Material
+from .parameters import (
+    Location,
+    Numbers,
+    as_parameter,
+    check_names,
+    check_numbers,
+    locations_in,
+    numbers_of,
+    with_values,
+)
+from .structure import Structure
+
+# Nodes on a chain of rays, and things in a scene, that a kernel is compiled for
+MAX_DEPTH = 256
+MAX_OBJECTS = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A scene, frozen; `replace` makes a new one."""
+
+    camera: Camera
+    resolution: tuple[int, int]
+    shapes: tuple[Shape, ...]  # by kind, in the order of `SHAPES`, then in that of the file
+    materials: tuple[Material, ...]
+    lights: tuple[Light, ...]
+    # Radiance of a ray that leaves the scene
+    background: Array = parameter(3, ANY, usual=NON_NEGATIVE, default=0)
+    # Ambient radiance, which multiplies the albedo
+    ambient: Array = parameter(3, ANY, usual=NON_NEGATIVE, default=0, neutral=0)
+    max_depth: int = 5
+    min_importance: float = 0.0
+    touched: frozenset[str] = frozenset()  # the parameters that `replace` has changed
+    fixed: Features | None = None  # in a kernel: what it is compiled for
+
+    def parameters(self, *names: str) -> dict[str, Array]:
+        """Copies of the parameters of these names, or of all: scalars of width 1, vectors `Array3f` of width 1.
+
+        Raises:
+            KeyError: a name that the scene does not have; the message lists the nearest ones.
+        """
+        known = self.locations
+        check_names(names, known)
+        values = {name: known[name].read(self) for name in names or known}
+        return {name: type(value)(value) for name, value in values.items()}
+
+    def replace(self, values: Mapping[str, Array]) -> "Scene":
+        """A new scene with these parameters, differentiable in what was replaced.
+
+        Args:
+            values: parameter name to a Dr.Jit array of width 1, or to a number or three of them; a dictionary or a
+                `drjit.opt` optimiser. Gradients are tracked through the arrays as they are given.
+
+        Raises:
+            KeyError: a name that the scene does not have; the message lists the nearest ones.
+            ValueError: a value that is not one scalar, or not one vector, as its parameter is; or a number that has
+                no meaning, as in a file. Steps of optimisers and of differences may overstep a closed range, such
+                as [0, 1], by 0.01.
+        """
+        known = self.locations
+        check_names(values.keys(), known)
+        arrays = {
+            name: as_parameter(name, value, known[name].read(self)) for name, value in values.items()
+        }
+        # While a kernel is recorded numbers are not known; those of before decide what is compiled
+        numbers = {} if _is_recording() else numbers_of(arrays)
+        check_numbers(numbers, known)
+        new = self.neutral.keys() & arrays.keys()
+        scene = self._with(touched=self.touched | new, **self._changes(arrays))
+        scene.__dict__.update(numbers=self.numbers | numbers, before=(self.structure, arrays.keys()))
+        return scene
+
+    def carrying(self, values: Mapping[str, Array]) -> "Scene":
+        """The scene with these arrays for its parameters, unchecked and of any width."""
+        return self._with(**self._changes(values))
+
+    def _changes(self, values: Mapping[str, Array]) -> dict[str, Any]:
+        """The fields of the scene that have other arrays, by parameter."""
+        fields: dict[str, dict[int | None, dict[tuple[str, ...], Array]]] = {}
+        for name, value in values.items():
+            where = self.locations[name]
+            fields.setdefault(where.field, {}).setdefault(where.place, {})[where.path] = value
+        return {field: self._changed(field, places) for field, places in fields.items()}
+
+    def _changed(self, field: str, places: dict) -> Any:
+        old = getattr(self, field)
+        if isinstance(old, tuple):
+            return tuple(with_values(x, places[k]) if k in places else x for k, x in enumerate(old))
+        return places[None][()] if () in places[None] else with_values(old, places[None])
+
+    def _with(self, **changes: Any) -> "Scene":
+        """A copy with these fields, which has the same parameters."""
+        scene = replace(self, **changes)
+        derived = ("locations", "neutral", "names_by_shape")
+        scene.__dict__.update({name: getattr(self, name) for name in derived})
+        return scene
+
+    @cached_property
+    def locations(self) -> dict[str, Location]:
+        """Where each parameter is, by name."""
+        return dict(self._locations())
+
+    def _locations(self) -> Iterator[tuple[str, Location]]:
+        for kind in SHAPES:
+            for place, shape in enumerate(self.shapes):
+                if type(shape) is kind:
+                    yield from locations_in(shape, f"{kind.group}.{shape.name}", "shapes", place)
+        for field in ("materials", "lights"):
+            for place, thing in enumerate(getattr(self, field)):
+                yield from locations_in(thing, f"{field}.{thing.name}", field, place)
+        yield from locations_in(self.camera, "camera", "camera")
+        for field, entry in parameters_of(type(self)).items():
+            yield field, Location(field, None, (), entry)
+
+    @cached_property
+    def neutral(self) -> dict[str, Numbers]:
+        """The neutral values of the parameters that have one, by name."""
+        entries = ((name, where.entry) for name, where in self.locations.items())
+        return {
+            name: (entry.neutral,) * entry.size for name, entry in entries if entry.neutral is not None
+        }
+
+    @cached_property
+    def names_by_shape(self) -> tuple[tuple[str, ...], ...]:
+        """The names of each shape's parameters."""
+        return tuple(
+            tuple(f"{shape.group}.{shape.name}.{field}" for field in parameters_of(type(shape)))
+            for shape in self.shapes
+        )
+
+    @cached_property
+    def numbers(self) -> dict[str, Numbers]:
+        """The numbers of all parameters."""
+        return numbers_of({name: where.read(self) for name, where in self.locations.items()})
+
+    @cached_property
+    def features(self) -> Features:
+        """What the scene's kernels have compiled in."""
+        if self.fixed is not None:
+            return self.fixed
+        if "before" not in self.__dict__:
+            return features_of(self)
+        structure, changed = self.__dict__["before"]
+        return features_of(self, structure.features, changed)
+
+    @cached_property
+    def structure(self) -> Structure:
+        """All of the scene that its kernels are compiled for."""
+        structure, _ = self.__dict__.get("before", (None, ()))
+        return structure if structure and structure.features == self.features else Structure(self)
+
+    @property
+    def precision(self) -> Precision:
+        return precision_of(self.background)
+
+    @cached_property
+    def used(self) -> tuple[Material, ...]:
+        """The materials that some shape is made of."""
+        names = {shape.material for shape in self.shapes}
+        return tuple(material for material in self.materials if material.name in names)
+
+    @cached_property
+    def sets(self) -> tuple[ShapeSet, ...]:
+        """The shapes that rays can meet, by kind. There is always one set, if an empty one."""
+        sets, careful = [], self.features.compensated
+        for kind in SHAPES:
+            own = [(k, shape) for k, shape in enumerate(self.shapes) if type(shape) is kind]
+            met = [(k, replace(x, compensated=True) if k in careful else x) for k, x in own]
+            met = [(k, shape) for k, shape in met if k not in self.features.hidden]
+            if own:
+                sets.append(ShapeSet(kind, own[0][0], len(own), tuple(met)))
+        return tuple(sets) or (ShapeSet(SHAPES[0], 0, 0, ()),)
+
+
+def _is_recording() -> bool:
+    return dr.flag(dr.JitFlag.SymbolicScope) or dr.flag(dr.JitFlag.FreezingScope)

@@ -1,0 +1,303 @@
+"""What a scene file may say: the keys, their values, and a line for each problem with them.
+
+The tables are made from what the things say of themselves: their parameters and settings (`core/parameter.py`).
+"""
+
+import difflib
+import json
+import re
+from collections.abc import Callable
+from typing import Annotated, Any, Literal, get_args
+
+import numpy as np
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Tag,
+    ValidationError,
+    create_model,
+)
+
+from ..core.parameter import ANY, LARGEST, REQUIRED, UNIT, Range, parameters_of, settings_of
+from ..lights import LIGHTS
+from ..shapes import SHAPES
+from .camera import Camera
+from .material import Material
+from .scene import MAX_DEPTH, MAX_OBJECTS, Scene
+from .texture import Checkerboard
+
+GROUPS = {kind.group: kind for kind in SHAPES}
+# The type of a light's table without one
+POINT = next(iter(LIGHTS))
+
+
+def _check(expected: str, accepts: Callable[[Any], bool], convert: Callable[[Any], Any]) -> BeforeValidator:
+    """A check of a key's value, with what a message says was expected."""
+
+    def check(value: Any) -> Any:
+        if not accepts(value):
+            raise ValueError(f"expected {expected}")
+        return convert(value)
+
+    return BeforeValidator(check)
+
+
+def _numbers(size: int, legal: Range) -> Any:
+    """The type of one number, or of a vector of them, in a range."""
+
+    def is_number(value: Any) -> bool:
+        return isinstance(value, (int, float)) and not isinstance(value, bool) and legal.holds(value)
+
+    def is_vector(value: Any) -> bool:
+        return isinstance(value, list) and len(value) == size and all(map(is_number, value))
+
+    expected = legal.expected(size)
+    if size == 1:
+        return Annotated[float, _check(expected, is_number, float)]
+    return Annotated[list[float], _check(expected, is_vector, lambda value: [float(x) for x in value])]
+
+
+def _is_whole(value: Any, low: int, high: int) -> bool:
+    return type(value) is int and low <= value <= high
+
+
+def _is_resolution(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 2 and all(_is_whole(n, 1, 1 << 20) for n in value)
+
+
+def _is_name(value: Any) -> bool:
+    return isinstance(value, str) and bool(value) and value.isprintable()
+
+
+Vector = _numbers(3, ANY)
+Name = Annotated[str, _check("a name, a string that is not empty", _is_name, str)]
+Depth = Annotated[
+    int, _check(f"a whole number from 1 to {MAX_DEPTH}", lambda n: _is_whole(n, 1, MAX_DEPTH), int)
+]
+Resolution = Annotated[
+    tuple[int, int],
+    _check("[width, height], two whole numbers of pixels > 0", _is_resolution, tuple),
+]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+def _table(kind: Any, **more: Any) -> type[BaseModel]:
+    """The table of a class of things, with more keys than its parameters and settings."""
+    keys: dict[str, Any] = {}
+    for name, entry in parameters_of(kind).items():
+        default = entry.default if entry.size == 1 or entry.default is REQUIRED else [entry.default] * 3
+        keys[name] = (_numbers(entry.size, entry.legal), ... if default is REQUIRED else default)
+    for name, own in settings_of(kind).items():
+        keys[name] = (own.kind, ... if own.default is REQUIRED else own.default)
+    return create_model(f"{kind.__name__}Table", __base__=_Table, **keys, **more)
+
+
+OPTIONAL_NAME = (Name | None, None)
+CameraTable = _table(Camera, up=(Vector, [0, 1, 0]), resolution=(Resolution, ...))
+CheckerTable = _table(Checkerboard)
+MaterialTable = _table(Material, checker=(CheckerTable | None, None))
+SHAPE_TABLES = {
+    group: _table(kind, name=OPTIONAL_NAME, material=(Name, ...)) for group, kind in GROUPS.items()
+}
+LIGHT_TABLES = {
+    name: _table(kind, name=OPTIONAL_NAME, type=(Literal[name], name)) for name, kind in LIGHTS.items()
+}
+
+
+def _light_type(value: Any) -> Any:
+    return value.get("type", POINT) if isinstance(value, dict) else POINT
+
+
+def _any_light() -> Any:
+    """A light's table, which its `type` tells."""
+    tables = tuple(Annotated[table, Tag(name)] for name, table in LIGHT_TABLES.items())
+    union: Any = tables[0]
+    for other in tables[1:]:
+        union = union | other
+    return Annotated[union, Discriminator(_light_type)]
+
+
+SceneTable = _table(
+    Scene,
+    max_depth=(Depth, 5),
+    min_importance=(_numbers(1, UNIT), 0),
+    camera=(CameraTable, ...),
+    materials=(dict[Name, MaterialTable], {}),  # type: ignore[valid-type]
+    lights=(list[_any_light()], []),  # type: ignore[misc]
+    **{group: (list[table], []) for group, table in SHAPE_TABLES.items()},  # type: ignore[valid-type]
+)
+
+
+def problems(raw: dict[str, Any]) -> list[str]:
+    """A line for each problem: dotted path, value, what was expected."""
+    found = []
+    try:
+        SceneTable.model_validate(raw)
+    except ValidationError as error:
+        found = [_describe(problem) for problem in error.errors(include_url=False)]
+    return found + _cross_problems(raw)
+
+
+def _describe(problem: Any) -> str:
+    path, kind = problem["loc"], problem["type"]
+    where = _dotted(path)
+    if kind == "extra_forbidden":
+        return f"{where}: unknown key{_nearest(str(path[-1]), list(_table_at(path[:-1]).model_fields))}"
+    if kind == "missing":
+        return f"{where}: missing; {_expected(path)}"
+    value = _shorten(problem["input"])
+    if kind == "value_error":
+        return f"{where} = {value}: {problem['ctx']['error']}"
+    if kind == "literal_error":
+        known = get_args(_table_at(path[:-1]).model_fields[path[-1]].annotation)
+        return f"{where} = {value}: expected {_choices(known)}{_nearest(str(problem['input']), known)}"
+    if kind == "union_tag_invalid":
+        name = problem["input"]["type"]
+        near = _nearest(str(name), LIGHTS)
+        return f"{where}.type = {_shorten(name)}: expected {_choices(LIGHTS)}{near}"
+    expected = {"bool_type": "true or false", "list_type": "a list of tables"}.get(kind, "a table")
+    return f"{where} = {value}: expected {expected}"
+
+
+def _choices(names: Any) -> str:
+    *most, last = (f"'{name}'" for name in names)
+    return f"{', '.join(most)} or {last}"
+
+
+def _table_at(path: tuple[Any, ...]) -> type[BaseModel]:
+    """The model of the table at a path. A light's path has the type of its table in third place."""
+    if not path:
+        return SceneTable
+    if path[0] == "camera":
+        return CameraTable
+    if path[0] == "lights":
+        return LIGHT_TABLES[path[2]]
+    if path[0] in SHAPE_TABLES:
+        return SHAPE_TABLES[path[0]]
+    return CheckerTable if "checker" in path[2:] else MaterialTable
+
+
+def _expected(path: tuple[Any, ...]) -> str:
+    """What a key's check asks for."""
+    for check in _table_at(path[:-1]).model_fields[path[-1]].metadata:
+        try:
+            check.func(None)
+        except ValueError as error:
+            return str(error)
+    return "expected a table"
+
+
+def _cross_problems(raw: dict[str, Any]) -> list[str]:
+    """What no key alone can tell. Tables that are not of the right type were reported already."""
+    groups = {group: _tables(raw, group) for group in (*GROUPS, "lights")}
+    count = sum(len(tables) for tables in groups.values())
+    if count > MAX_OBJECTS:
+        return [f"{count} shapes and lights: expected at most {MAX_OBJECTS}"]
+    found = _camera_problems(_as_table(raw.get("camera")))
+    for group, tables in groups.items():
+        seen: dict[str, int] = {}
+        for i, table in tables:
+            name = table.get("name", default_name(group, i))
+            if isinstance(name, str) and seen.setdefault(name, i) != i:
+                taken = f"taken by {group}[{seen[name]}]; names are unique"
+                found.append(f"{group}[{i}].name = {_shorten(name)}: {taken}")
+            if group in GROUPS:
+                found += _material_problems(_as_table(raw.get("materials")), group, i, table)
+            kind: Any = GROUPS.get(group) or LIGHTS.get(_light_type(table))
+            found += _direction_problems(f"{group}[{i}]", kind, table) if kind else []
+    return found
+
+
+def default_name(group: str, place: int) -> str:
+    """The name of a thing that a file gives none."""
+    return f"{group[:-1]}{place}"
+
+
+def _tables(raw: dict[str, Any], group: str) -> list[tuple[int, dict]]:
+    items = raw.get(group)
+    items = items if isinstance(items, list) else []
+    return [(i, item) for i, item in enumerate(items) if isinstance(item, dict)]
+
+
+def _as_table(value: object) -> dict:
+    return value if isinstance(value, dict) else {}
+
+
+def _material_problems(materials: dict, group: str, i: int, table: dict) -> list[str]:
+    name = table.get("material")
+    where = f"{group}[{i}].material = {_shorten(name)}"
+    if isinstance(name, str) and name not in materials:
+        near = _nearest(name, materials) or ("" if materials else "; the file has no materials")
+        return [f"{where}: there is no such material{near}"]
+    if isinstance(name, str) and not GROUPS[group].flat and "checker" in _as_table(materials[name]):
+        flat = " and ".join(kind.group for kind in SHAPES if kind.flat)
+        return [f"{where}: has a checker, which only {flat} can show"]
+    return []
+
+
+def _direction_problems(where: str, kind: Any, table: dict) -> list[str]:
+    found = []
+    for name, entry in parameters_of(kind).items():
+        value = _vector_or_none(table.get(name)) if entry.legal.direction else None
+        if value is not None and not _direction(value).any():
+            found.append(f"{where}.{name} = {_shorten(table[name])}: expected a direction, not zero")
+    return found
+
+
+def _camera_problems(camera: dict) -> list[str]:
+    position, look_at = (_vector_or_none(camera.get(key)) for key in ("position", "look_at"))
+    up = _vector_or_none(camera.get("up", [0, 1, 0]))
+    if position is None or look_at is None:
+        return []
+    if np.array_equal(position.astype(np.float32), look_at.astype(np.float32)):
+        value = _shorten(camera["look_at"])
+        return [f"camera.look_at = {value}: expected a point other than camera.position"]
+    if up is not None and not _direction(np.cross(_direction(look_at - position), _direction(up)), 1e-6).any():
+        value = _shorten(camera.get("up", [0, 1, 0]))
+        return [f"camera.up = {value}: expected a direction not parallel to the view"]
+    return []
+
+
+def _vector_or_none(value: object) -> np.ndarray | None:
+    try:
+        return np.array(_OneVector.model_validate({"value": value}).value)
+    except ValidationError:
+        return None
+
+
+class _OneVector(_Table):
+    value: Vector
+
+
+def _direction(v: np.ndarray, least: float = 1 / LARGEST) -> np.ndarray:
+    """The unit vector, or zero for one that is not longer than the least length."""
+    length = np.linalg.norm(v)
+    return v / length if length > least else np.zeros(3)
+
+
+def _dotted(path: tuple[Any, ...]) -> str:
+    """A path as a message writes it, without the type of a light's table."""
+    path = (*path[:2], *path[3:]) if path[0] == "lights" else path
+    text = ""
+    for part in path:
+        plain = isinstance(part, int) or re.fullmatch(r"[\w-]+", part)
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if plain else f".{json.dumps(part)}"
+    return text.lstrip(".")
+
+
+def _shorten(value: object) -> str:
+    try:
+        text = json.dumps(value, default=str)
+    except (ValueError, RecursionError):
+        text = f"a {type(value).__name__}"
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _nearest(name: str, known: Any) -> str:
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
+    return f"; did you mean '{near[0]}'?" if near else ""

@@ -1,0 +1,186 @@
+"""The primitives of a scene, by kind. Here, and nowhere else, a primitive is one Python object.
+
+Primitives are numbered over the whole scene. Each kind of shape forms a set, whose primitives have consecutive
+numbers; on equal distance the smaller number wins. A set searches, and then hands out one primitive a lane
+(`Picked`), on which the rest of the tracer works, however many primitives there are.
+"""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import drjit as dr
+
+from ..core.arrays import Array, any_true, select
+from ..core.parameter import parameters_of
+from ..core.ray import NONE, Ray, ShadowRay
+from .shape import Shape
+
+
+@dataclass
+class Hit:
+    """The nearest primitive along a ray (not frozen: Dr.Jit's loops write to their state)."""
+
+    t: Array  # distance, infinite for a ray that leaves the scene
+    index: Array  # UInt32: number of the primitive, or NONE
+    inside: Array  # Bool: the ray travelled in the primitive that it hit
+
+
+@dataclass
+class Medium:
+    """What fills space around a point: the smallest transparent primitive that contains it."""
+
+    ior: Array
+    extent: Array  # the primitive's size, infinite where nothing fills
+    index: Array  # UInt32: the primitive's number, or NONE
+
+
+@dataclass(frozen=True)
+class ShapeSet:
+    """Primitives of one kind, each of which is code of its own in a kernel."""
+
+    kind: type[Shape]
+    first: int  # number of the first primitive
+    count: int
+    members: tuple[tuple[int, Shape], ...]  # those that can be met, by number
+
+    def holds(self, index: Array) -> Array:
+        """Whether a primitive is of this set."""
+        return (index >= self.first) & (index < self.first + self.count)
+
+    def pick(self, index: Array, blank: Shape) -> Shape:
+        """The primitive of this number, one a lane, and a blank one where none of the set has the number."""
+        chosen = {}
+        for field in parameters_of(self.kind):
+            table = ((number, getattr(shape, field)) for number, shape in self.members)
+            chosen[field] = select(index, table, getattr(blank, field))
+        return replace(self._template(blank), **chosen)
+
+    def _template(self, blank: Shape) -> Any:
+        """What of the picked primitive is not a parameter: one that is computed with care makes all careful."""
+        return next((shape for _, shape in self.members if shape.compensated), blank)
+
+    def closest(self, ray: Ray, hit: Hit) -> Hit:
+        """The nearest primitive along a ray, where it is nearer than a hit."""
+        for number, shape in self.members:
+            t, meets, within = shape.distance(ray, ray.source == number)
+            nearer = meets & (t < hit.t)
+            inside = dr.select(nearer, within, hit.inside) if self.kind.closed else hit.inside & ~nearer
+            hit = Hit(dr.select(nearer, t, hit.t), dr.select(nearer, number, hit.index), inside)
+        return hit
+
+    def blocked(self, ray: ShadowRay, materials: Collection[str]) -> Array:
+        """Whether any primitive of some materials crosses the segment to a light."""
+        masks = (crosses for _, _, crosses in self._crossed(ray, materials))
+        return any_true(masks, ray.inward)
+
+    def transmitted(
+        self, ray: ShadowRay, passes: dict[str, Array], light: Array, veil: Array
+    ) -> tuple[Array, Array]:
+        """What is left of a light behind primitives that keep only a part of it away.
+
+        Args:
+            passes: material to the part of the light that passes each primitive of it.
+            light, veil: what is left so far, and a hash of the primitives that were crossed.
+        """
+        for number, material, crosses in self._crossed(ray, passes):
+            light = light * dr.select(crosses, passes[material], 1)
+            veil = veil ^ dr.select(crosses, type(veil)(_scattered(number)), 0)
+        return light, veil
+
+    def flipped(
+        self, a: ShadowRay, b: ShadowRay, materials: Collection[str], best: tuple[Array, Array]
+    ) -> tuple[Array, Array]:
+        """The primitive that crosses one segment to a light and not the other, and is nearest to doing both.
+
+        Args:
+            best: the number of the best primitive so far, and the outline's level on the side that it does not cross.
+        """
+        if not self.kind.casts_edges:
+            return best
+        other, nearest = best
+        for number, shape in self.members:
+            if shape.material in materials:
+                here, there = shape.blocks(a, a.source == number), shape.blocks(b, b.source == number)
+                o, d = dr.select(here, b.o, a.o), dr.select(here, b.d, a.d)
+                gap = shape.outline(o, d)
+                better = (here ^ there) & (gap > nearest)
+                other, nearest = dr.select(better, number, other), dr.select(better, gap, nearest)
+        return other, nearest
+
+    def innermost(
+        self, p: Array, but: Array, medium: Medium, fills: dict[str, tuple[Array, Array]]
+    ) -> Medium:
+        """The smallest transparent primitive that contains a point, if it is smaller than a medium.
+
+        Args:
+            but: UInt32, the number of a primitive that does not count.
+            fills: material to its index of refraction, and Bool, whether it is transparent.
+        """
+        for number, shape in self.members:
+            if self.kind.closed and shape.material in fills:
+                ior, clear = fills[shape.material]
+                around = (shape.level(p) < 0) & (but != number) & clear & (shape.extent() < medium.extent)
+                medium = Medium(
+                    dr.select(around, ior, medium.ior),
+                    dr.select(around, shape.extent(), medium.extent),
+                    dr.select(around, number, medium.index),
+                )
+        return medium
+
+    def materials(self, index: Array) -> dict[str, Array]:
+        """Material to whether the primitive of this number is made of it."""
+        made: dict[str, Array] = {}
+        for number, shape in self.members:
+            here = index == number
+            made[shape.material] = made[shape.material] | here if shape.material in made else here
+        return made
+
+    def made_of(self, materials: Collection[str]) -> int:
+        """How many primitives are made of one of these materials."""
+        return sum(shape.material in materials for _, shape in self.members)
+
+    def named(self, index: Array, names: Collection[str]) -> Array:
+        """Whether the primitive of this number has one of these names."""
+        masks = (index == number for number, shape in self.members if shape.name in names)
+        return any_true(masks, index == NONE)
+
+    def _crossed(self, ray: ShadowRay, materials: Collection[str]):
+        for number, shape in self.members:
+            if shape.material in materials:
+                yield number, shape.material, shape.blocks(ray, ray.source == number)
+
+
+def _scattered(number: int) -> int:
+    """A number's bits spread over a word, so that sets of primitives have different hashes (Knuth's multiplier)."""
+    return (number + 1) * 0x9E3779B1 & 0xFFFFFFFF
+
+
+@dataclass(frozen=True)
+class Picked:
+    """One primitive a lane, of any kind."""
+
+    parts: Sequence[tuple[Array, Shape]]  # for each kind: a mask of its lanes, and the primitives
+
+    def of(self, function: Callable[[Any], Any]) -> Any:
+        """A function of the lane's own shape; in lanes without one, of a blank shape."""
+        (_, shape), *others = self.parts
+        result = function(shape)
+        for mask, shape in others:
+            result = dr.select(mask, function(shape), result)
+        return result
+
+    def whether(self, flag: Callable[[type[Shape]], bool]) -> Array | bool:
+        """Whether the lane's own kind has a property; a plain bool where all kinds agree."""
+        flags = [flag(type(shape)) for _, shape in self.parts]
+        if len(set(flags)) == 1:
+            return flags[0]
+        result = type(self.parts[0][0])(flags[0])
+        for (mask, _), own in zip(self.parts[1:], flags[1:], strict=True):
+            result = dr.select(mask, own, result)
+        return result
+
+
+def pick(sets: Sequence[ShapeSet], index: Array, color: Any) -> Picked:
+    """The primitives of these numbers. `color` is any colour, whose types are taken."""
+    return Picked([(one.holds(index), one.pick(index, one.kind.blank(color))) for one in sets])

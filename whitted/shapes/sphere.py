@@ -1,0 +1,121 @@
+"""Spheres.
+
+A sphere's normal points out of it. Source of the stable quadratic: E. Haines, J. Guenther, T. Akenine-Moeller,
+"Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems (2019), ch. 7.
+"""
+
+import math
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+
+from ..core.arrays import Array
+from ..core.numerics import two_sum
+from ..core.parameter import POSITIVE, Scale, parameter
+from ..core.ray import Ray, ShadowRay
+from .shape import Numbers, Shape
+
+# An eye closer to a sphere than this part of the radius sees squares cancel: of single precision's seven digits, five
+# are left at 1/32, which is what a pixel can show
+NEAR = 1 / 32
+
+
+@dataclass(frozen=True)
+class Sphere(Shape):
+    """A sphere; its parameters carry gradients."""
+
+    group = "spheres"
+    closed, flat, casts_edges, rooted = True, False, True, True
+
+    name: str
+    material: str
+    center: Array = parameter(3, scale=Scale(1, "radius"))
+    radius: Array = parameter(1, POSITIVE, scale=Scale(1, "radius"))
+    compensated: bool = False  # set in kernels: sums keep their rounding errors
+
+    def distance(self, ray: Ray, on: Array) -> tuple[Array, Array, Array]:
+        """A ray that starts on the sphere meets it again at 2 b if it goes inward, else never."""
+        b, discriminant = self._chord(ray.o, ray.d)
+        half = dr.sqrt(discriminant)
+        if self.compensated:
+            # The root near the origin is the product of the roots over the far one
+            product = self.level(ray.o)
+            far = dr.select(b > 0, b + half, product / (b - half))
+            near = dr.select(b > 0, product / (b + half), b - half)
+            within = product < 0
+        else:
+            near, far = b - half, b + half
+            within = near <= 0
+        t = dr.select(on, dr.fmax(2 * b, 0), dr.select(within, far, near))
+        return t, dr.select(on, ray.inward, (discriminant > 0) & (t > 0)), on | within
+
+    def reach(self, ray: Ray, on: Array, inside: Array) -> Array:
+        b, discriminant = self._chord(ray.o, ray.d)
+        half = dr.sqrt(dr.select(discriminant > 0, discriminant, 0))
+        return dr.select(on, 2 * b, dr.select(inside, b + half, b - half))
+
+    def blocks(self, ray: ShadowRay, on: Array) -> Array:
+        """The sphere crosses the segment when one end is in it and the other is not, or when both are outside and the
+        line's nearest point lies between them, in the sphere. No root is taken, so that a light exactly on the sphere
+        casts no noise.
+        """
+        b, discriminant = self._chord(ray.o, ray.d)
+        starts_in = dr.select(on, ray.inward, self.level(ray.o) < 0)
+        ends_in = dr.mask_t(b)(False) if ray.end is None else self.level(ray.end) < 0
+        leaves = (starts_in ^ ends_in) & ~(on & ~ray.inward)
+        between = (discriminant > 0) & (b > 0) & (b < ray.distance)
+        return leaves | (~on & ~starts_in & ~ends_in & between)
+
+    def level(self, p: Array) -> Array:
+        """|p - center|^2 - radius^2: negative inside, positive outside.
+
+        A `compensated` sphere's is summed with the rounding errors of every step but the last. That keeps it exact to
+        rounding where the plain difference of two large squares has lost every digit.
+        """
+        square = self.radius * self.radius
+        if not self.compensated:
+            return dr.squared_norm(p - self.center) - square
+        differences = (two_sum(p[axis], -self.center[axis]) for axis in range(3))
+        total, error = -square, -dr.fma(self.radius, self.radius, -square)
+        for high, low in differences:
+            square = high * high
+            total, lost = two_sum(total, square)
+            error += lost + dr.fma(high, high, -square) + 2 * high * low
+        return total + error
+
+    def implicit(self, p: Array) -> tuple[Array, Array]:
+        outward = p - self.center
+        return (dr.squared_norm(outward) - self.radius * self.radius) / 2, outward
+
+    def outline(self, o: Array, d: Array) -> Array:
+        """The discriminant: radius^2 less the squared distance of the center from the line."""
+        return self._chord(o, d)[1]
+
+    def extent(self) -> Array:
+        return self.radius
+
+    def _chord(self, o: Array, d: Array) -> tuple[Array, Array]:
+        """Distance along the line (o, d) to the point nearest to the center, and the discriminant.
+
+        The line meets the sphere where the discriminant is positive, its square root before and behind that point.
+        """
+        to_center = self.center - o
+        b = dr.dot(to_center, d)
+        if self.compensated:
+            return b, dr.fma(b, b, -self.level(o))
+        miss = dr.fma(d, -b, to_center)
+        return b, dr.fma(self.radius, self.radius, -dr.squared_norm(miss))
+
+    @classmethod
+    def blank(cls, color: Any) -> "Sphere":
+        return cls("", "", type(color)(0), dr.value_t(color)(1))
+
+    @staticmethod
+    def place(center: Numbers, radius: Numbers) -> Hashable:
+        return center, radius
+
+    @staticmethod
+    def needs_compensation(eye: Numbers, center: Numbers, radius: Numbers) -> bool:
+        return abs(math.dist(eye, center) - radius[0]) < NEAR * radius[0]

@@ -1,0 +1,1 @@
+"""Cases that are hard for ray tracers, with known answers."""

@@ -1,0 +1,1 @@
+"""The report's algorithm: closest hit, each light, reflect and refract."""

@@ -1,0 +1,56 @@
+"""The media on both sides of a surface: a point is filled by the smallest transparent primitive that contains it."""
+
+import math
+
+import drjit as dr
+
+from ..core.arrays import Array, any_true
+from ..core.ray import NONE
+from ..scene.features import coats, may
+from ..scene.scene import Scene
+from ..shapes.sets import Medium
+from .surface import Surface, lookup
+
+Fills = dict[str, tuple[Array, Array]]  # material to its index of refraction, and whether it is transparent
+
+
+def relative_index(scene: Scene, at: Surface) -> Array:
+    """eta = n_incident / n_transmitted.
+
+    Behind an opaque surface, which reflects like a polished dielectric, is its material's own index.
+    """
+    fills = {m.name: (m.ior, m.refraction != 0) for m in scene.used if may(scene, m, "refraction")}
+    inside, own = at.hit.inside, _own_medium(at, fills)
+    alone = sum(primitives.made_of(fills) for primitives in scene.sets) == 1
+    if alone and not coats(scene):
+        return dr.select(inside, own.ior, 1) / dr.select(inside, 1, own.ior)
+    outer = _outer_medium(scene, at, fills)
+    smaller = (own.extent < outer.extent) | ((own.extent == outer.extent) & (own.index < outer.index))
+    inner_ior = dr.select((own.index != NONE) & smaller, own.ior, outer.ior)
+    eta = dr.select(inside, inner_ior, outer.ior) / dr.select(inside, outer.ior, inner_ior)
+    if not coats(scene):
+        return eta
+    coated = scene.features.coated
+    polished = any_true((at.of[m.name] for m in scene.used if m.name in coated), at.hits)
+    ior = lookup(scene, at, "ior", lambda m: m.name in coated)
+    return dr.select(polished, outer.ior / dr.select(polished, ior, 1), eta)
+
+
+def _own_medium(at: Surface, fills: Fills) -> Medium:
+    """What fills the primitive that was hit, if it is transparent and has an inside."""
+    real, index = dr.value_t(at.p), at.hit.index
+    ior, own = real(1), dr.mask_t(at.hit.t)(False)
+    for name, (its_ior, clear) in fills.items():
+        here = at.of[name] & clear & at.shape.whether(lambda kind: kind.closed)
+        ior, own = dr.select(here, its_ior, ior), own | here
+    extent = dr.detach(at.shape.of(lambda shape: shape.extent()))
+    return Medium(ior, dr.select(own, extent, real(math.inf)), dr.select(own, index, NONE))
+
+
+def _outer_medium(scene: Scene, at: Surface, fills: Fills) -> Medium:
+    """What fills space around the point, but for the primitive that was hit."""
+    real = dr.value_t(at.p)
+    medium = Medium(real(1), real(math.inf), dr.uint32_array_t(real)(NONE))
+    for primitives in dr.detach(scene).sets:
+        medium = primitives.innermost(dr.detach(at.p), at.hit.index, medium, fills)
+    return medium

@@ -1,0 +1,93 @@
+"""The Whitted recursion: closest hit -> each light -> reflect and refract, down to a fixed depth.
+
+    L(ray, depth) = emitted + w_r L(reflected, depth + 1) + w_t L(refracted, depth + 1)
+
+The binary tree of rays is walked depth first by one loop with a small stack, reflection before refraction. A packet
+of rays takes as many steps as the largest tree among its rays has nodes, and a node is compiled once, whatever the
+depth. Scenes in which no material both reflects and refracts get a chain without a stack, and scenes with neither a
+single node without a loop.
+
+Source: T. Whitted, "An Improved Illumination Model for Shaded Display", CACM 23(6), 1980.
+"""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import drjit as dr
+
+from ..core.arrays import Array
+from ..core.ray import Ray
+from ..scene.features import branches_out, reflects
+from ..scene.scene import Scene
+from .node import Limits, Node, visit
+from .shading import emitted
+from .stack import Stack
+
+State = TypeVar("State")
+# From a node and what has been found so far: what is found now, the node's children, and which of them to go on with
+Step = Callable[[Any, State], tuple[State, list[Any], list[Array]]]
+
+
+def radiance(scene: Scene, ray: Ray, limits: Limits) -> Array:
+    """Radiance along rays.
+
+    Args:
+        scene: with unit vectors for its directions, and no gradients (`autodiff` has those).
+        ray: a wavefront of rays.
+        limits: where the recursion ends.
+
+    Returns:
+        Array3f, linear RGB.
+    """
+
+    def step(node: Node, light: Array) -> tuple[Array, list[Node], list[Array]]:
+        seen = visit(scene, node, limits)
+        light = dr.fma(node.weight, emitted(scene, node.ray, seen.at), light)
+        return light, seen.children, seen.traced
+
+    return walk(scene, limits, Node.first(ray), dr.zeros(type(ray.o), dr.width(ray)), step, "radiance")
+
+
+def walk(scene: Scene, limits: Limits, root: Any, state: State, step: Step, label: str) -> State:
+    """Walk through trees of nodes, depth first.
+
+    Args:
+        root: the first node, or a structure of arrays of the walk's own that stands for one.
+        state: what has been found before the first node, as wide as the wavefront.
+        step: looks at a node.
+        label: of the loop, for Dr.Jit.
+
+    Returns:
+        What has been found.
+    """
+    if not reflects(scene):
+        return step(root, state)[0]
+
+    def body(node, state, stack, active):
+        state, children, onward = step(node, state)
+        stack, active, node = _go_on(stack, onward, children)
+        return node, state, stack, active
+
+    width = dr.width(root)
+    size = dr.zeros(type(limits.depth), width)
+    stack = Stack.allocate(limits.max_depth if branches_out(scene) else 0, size, root)
+    start = root, state, stack, dr.ones(dr.mask_t(size), width)
+    return dr.while_loop(start, lambda *s: s[-1], body, mode="symbolic", label=label)[1]
+
+
+def _go_on(stack: Stack, active: list[Array], children: list[Any]) -> tuple[Stack, Array, Any]:
+    """Go on with a node's first active child, and where it has none with the child that was put off last.
+
+    Returns:
+        The stack, whether there is a node to go on with, and the node.
+    """
+    if len(children) == 1:
+        return stack, active[0], children[0]
+    first, second = active
+    node = dr.select(first, *children)
+    if not stack.slots:
+        return stack, first | second, node
+    stack = stack.push(first & second, children[1])
+    more = ~first & ~second & (stack.size > 0)
+    stack, node = stack.pop(more, node)
+    return stack, first | second | more, node

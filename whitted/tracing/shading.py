@@ -1,0 +1,49 @@
+"""What a surface sends back of itself: ambient light, and each light's Lambert and Blinn-Phong terms, shadowed.
+
+Source: T. Whitted, "An Improved Illumination Model for Shaded Display", CACM 23(6), 1980; the half vector is from
+J. F. Blinn, "Models of Light Reflection for Computer Synthesized Pictures", SIGGRAPH 1977.
+"""
+
+import drjit as dr
+
+from ..core.arrays import Array
+from ..core.numerics import safe_normalize
+from ..core.ray import Ray
+from ..scene.features import glossy, may
+from ..scene.scene import Scene
+from .shadow import incident
+from .surface import Surface, albedo, lookup
+
+
+def emitted(scene: Scene, ray: Ray, at: Surface) -> Array:
+    """Radiance along the ray without its reflected and refracted children; the background where it hits nothing."""
+    color = albedo(scene, at)
+    radiance = scene.ambient * color if "ambient" in scene.features.live else type(at.p)(0)
+    gloss = highlight(scene, at) if glossy(scene) else None
+    for light in scene.lights:
+        seen = incident(scene, at, light)
+        sent = color * seen.cosine
+        if gloss is not None:
+            specular, shininess = gloss
+            sent += specular * blinn_phong(ray.d, at.n, seen.toward.direction, shininess)
+        arriving = light.arriving(seen.toward)
+        if seen.transmitted is not None:
+            arriving = arriving * seen.transmitted
+        lit = at.hits & (seen.cosine > 0) & ~seen.blocked
+        radiance += dr.select(lit, sent * arriving, 0)
+    return dr.select(at.hits, radiance, scene.background)
+
+
+def highlight(scene: Scene, at: Surface) -> tuple[Array, Array]:
+    """The Blinn-Phong coefficient and exponent of a surface."""
+    shininess = lookup(scene, at, "shininess", lambda m: may(scene, m, "specular"))
+    return lookup(scene, at, "specular"), shininess
+
+
+def blinn_phong(d: Array, n: Array, to_light: Array, shininess: Array) -> Array:
+    """max(0, n . h)^shininess, h the direction halfway between the light and the viewer."""
+    cos_half = dr.dot(n, safe_normalize(to_light - d))
+    positive = cos_half > 0
+    # Dr.Jit's exp2 is infinite at the lower end of double precision's range
+    exponent = dr.fmax(shininess * dr.log2(dr.select(positive, cos_half, 1)), -1000)
+    return dr.select(positive, dr.exp2(exponent), 0)

@@ -1,0 +1,58 @@
+"""What keeps a light away from a surface."""
+
+from dataclasses import dataclass
+
+import drjit as dr
+
+from ..core.arrays import Array
+from ..core.ray import ShadowRay
+from ..lights import Light
+from ..lights.light import Toward
+from ..scene.features import shadow
+from ..scene.scene import Scene
+from .surface import Surface
+
+
+@dataclass(frozen=True)
+class Incident:
+    """A light as a surface sees it."""
+
+    toward: Toward
+    cosine: Array  # of the angle between the direction to the light and the normal
+    ray: ShadowRay  # detached
+    blocked: Array  # Bool: nothing of the light arrives
+    # Where things keep a part of a light away: what is left of it, and a hash of the things in the way
+    transmitted: Array | None
+    veil: Array | None
+
+
+def incident(scene: Scene, at: Surface, light: Light) -> Incident:
+    """Where a light is as seen from a surface, and what is in between."""
+    toward = light.toward(at.p)
+    cosine = dr.dot(at.n, toward.direction)
+    ray = shadow_ray(at, toward)
+    sets = dr.detach(scene).sets
+    blocked = dr.mask_t(cosine)(False)
+    full = shadowing(scene, "full")
+    for primitives in sets:
+        blocked |= primitives.blocked(ray, full)
+    passes = {m.name: 1 - m.shadow for m in scene.used if shadow(scene, m) == "part"}
+    if not passes:
+        return Incident(toward, cosine, ray, blocked, None, None)
+
+    transmitted, veil = dr.value_t(at.p)(1), type(at.hit.index)(0)
+    for primitives in sets:
+        transmitted, veil = primitives.transmitted(ray, passes, transmitted, veil)
+    blocked |= dr.detach(transmitted) == 0
+    return Incident(toward, cosine, ray, blocked, transmitted, dr.select(blocked, 0, veil))
+
+
+def shadowing(scene: Scene, *how: str) -> list[str]:
+    """The materials that keep all of a light away ("full"), or a part of it ("part")."""
+    return [material.name for material in scene.used if shadow(scene, material) in how]
+
+
+def shadow_ray(at: Surface, toward: Toward) -> ShadowRay:
+    """The segment from a surface to a light, detached."""
+    p, toward = dr.detach(at.p), dr.detach(toward)
+    return ShadowRay(p, toward.direction, toward.distance, toward.end, at.hit.index, at.hit.inside)
