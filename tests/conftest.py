@@ -3,7 +3,7 @@
 import pytest
 
 import whitted  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
-from whitted.scene_file import load_scene
+from whitted.scene.files import load_scene
 
 
 @pytest.fixture

@@ -13,7 +13,16 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-MATERIAL = {"reflection": 0, "refraction": 0, "color": [0, 0, 0], "specular": 0, "shininess": 50, "ior": 1.5, "fresnel": False}
+MATERIAL = {
+    "color": [0, 0, 0],
+    "specular": 0,
+    "shininess": 50,
+    "reflection": 0,
+    "refraction": 0,
+    "ior": 1.5,
+    "shadow": 1,
+    "fresnel": False,
+}
 
 
 def unit(v):
@@ -31,9 +40,12 @@ class Reference:
         self.max_depth = raw.get("max_depth", 5)
         self.min_importance = raw.get("min_importance", 0)
         materials = {name: {**MATERIAL, **m} for name, m in raw.get("materials", {}).items()}
-        spheres, planes, self.lights = (raw.get(group, []) for group in ("spheres", "planes", "lights"))
-        # Spheres come first, then planes, each in the order of the file
-        self.primitives = [{**x, **materials[x["material"]]} for x in (*spheres, *planes)]
+        self.lights = raw.get("lights", [])
+        # Spheres come first, then planes, then discs, each in the order of the file
+        self.primitives = []
+        for kind in ("sphere", "plane", "disc"):
+            for x in raw.get(f"{kind}s", []):
+                self.primitives.append({"kind": kind, **x, **materials[x["material"]]})
 
     def image(self, spp=1):
         """The picture, of shape (height, width, 3)."""
@@ -56,10 +68,12 @@ class Reference:
     def crossings(self, o, d, source, inward):
         """Every (distance, primitive, from within) of the ray's line in front of it, without the surface that it starts on."""
         for k, x in enumerate(self.primitives):
-            if "radius" not in x:
-                n, slope = unit(x["normal"]), unit(x["normal"]) @ d
-                if k != source and slope != 0 and -(n @ o + x["offset"]) / slope > 0:
-                    yield -(n @ o + x["offset"]) / slope, k, False
+            if x["kind"] != "sphere":
+                n = unit(x["normal"])
+                offset = x["offset"] if x["kind"] == "plane" else -n @ x["center"]
+                t = -(n @ o + offset) / (n @ d) if n @ d != 0 else -1
+                if k != source and t > 0 and self.reaches(x, o + t * d):
+                    yield t, k, False
                 continue
             v = np.array(x["center"], float) - o
             b, discriminant = v @ d, (v @ d) ** 2 - v @ v + x["radius"] ** 2
@@ -69,9 +83,14 @@ class Reference:
                 roots = b - math.sqrt(discriminant), b + math.sqrt(discriminant)
                 yield from ((t, k, roots[0] < 0) for t in roots if t > 0)
 
+    def reaches(self, x, p):
+        """Whether a flat primitive goes as far as a point of its plane."""
+        return x["kind"] == "plane" or np.linalg.norm(p - x["center"]) < x["radius"]
+
     def media(self, p, k):
         """The indices of refraction just outside and just inside the sphere k at p; for a plane, of both its sides."""
-        clear = [(x["radius"], i, x["ior"]) for i, x in enumerate(self.primitives) if "radius" in x and x["refraction"] > 0]
+        spheres = [(i, x) for i, x in enumerate(self.primitives) if x["kind"] == "sphere"]
+        clear = [(x["radius"], i, x["ior"]) for i, x in spheres if x["refraction"] > 0]
         around = [c for c in clear if c[1] != k and np.linalg.norm(p - self.primitives[c[1]]["center"]) < c[0]]
         own = [c for c in clear if c[1] == k]
         return [min(candidates)[2] if candidates else 1 for candidates in (around, around + own)]
@@ -104,26 +123,36 @@ class Reference:
             return self.background
         t, k, inside = hit
         x, p = self.primitives[k], o + t * d
-        n = unit(p - x["center"]) if "radius" in x else unit(x["normal"])
+        n = unit(p - x["center"]) if x["kind"] == "sphere" else unit(x["normal"])
         n = -n if d @ n > 0 else n
         result = self.ambient * self.albedo(x, p) + sum((self.lit(x, p, n, d, light, k, inside) for light in self.lights), 0)
         if depth == self.max_depth:
             return result
-        c, media = -d @ n, self.media(p, k)
-        w_r, w_t, eta, square = self.weights(x, c, media[::-1] if inside else media)
+        c, (outside, within) = -d @ n, self.media(p, k)
+        media = (within, outside) if inside else (outside, within)
+        if x["fresnel"] and x["refraction"] == 0:
+            # What is opaque and polished: the medium around it, and its own index
+            media = outside, x["ior"]
+        w_r, w_t, eta, square = self.weights(x, c, media)
         if w_r and weight * w_r >= self.min_importance:
             result = result + w_r * self.radiance(p, d - 2 * (d @ n) * n, depth + 1, weight * w_r, k, inside)
         if w_t and weight * w_t >= self.min_importance:
             bent = eta * d + (eta * c - math.sqrt(square)) * n
-            result = result + w_t * self.radiance(p, bent, depth + 1, weight * w_t, k, "radius" in x and not inside)
+            result = result + w_t * self.radiance(p, bent, depth + 1, weight * w_t, k, x["kind"] == "sphere" and not inside)
         return result
 
     def lit(self, x, p, n, d, light, k, inside):
         """What a light adds."""
-        distance = np.linalg.norm(np.array(light["position"], float) - p)
-        to_light = unit(np.array(light["position"], float) - p)
-        if n @ to_light <= 0 or any(t < distance for t, *_ in self.crossings(p, to_light, k, inside)):
+        if light.get("type") == "directional":
+            distance, to_light, strength = math.inf, -unit(light["direction"]), np.array(light["irradiance"])
+        else:
+            offset = np.array(light["position"], float) - p
+            distance, to_light, strength = np.linalg.norm(offset), unit(offset), np.array(light["intensity"])
+            if light.get("falloff") == "inverse-square":
+                strength = strength / distance**2
+        if n @ to_light <= 0:
             return 0
+        crossed = {i for t, i, _ in self.crossings(p, to_light, k, inside) if t < distance}
+        passed = math.prod(1 - self.primitives[i]["shadow"] for i in crossed)
         h = max(0, n @ unit(to_light - d)) ** x["shininess"]
-        falloff = 1 / distance**2 if light.get("falloff") == "inverse-square" else 1
-        return np.array(light["intensity"]) * falloff * (self.albedo(x, p) * (n @ to_light) + x["specular"] * h)
+        return passed * strength * (self.albedo(x, p) * (n @ to_light) + x["specular"] * h)

@@ -44,6 +44,23 @@ fresnel = true
 color = [0.3, 0.3, 0.6]
 reflection = 0.7
 fresnel = true
+[materials.lacquer]
+color = [0.3, 0.1, 0.1]
+reflection = 0.9
+ior = 1.9
+fresnel = true
+[materials.veil]
+color = [0.1, 0.3, 0.2]
+shadow = 0.35
+[materials.bright_glass]
+reflection = 1.0
+refraction = 1.0
+ior = 1.4
+fresnel = true
+shadow = 0.2
+[materials.ghost]
+color = [0.5, 0.5, 0.4]
+shadow = 0
 [materials.pane]
 color = [0.1, 0.1, 0.1]
 reflection = 0.4
@@ -57,12 +74,17 @@ color = [0.9, 0.1, 0.2]
 checker = { color = [0.1, 0.8, 0.7], size = 0.37 }
 """
 LIGHT = "[[lights]]\nposition = [1.5, 2.4, 2.0]\nintensity = [0.9, 0.8, 0.7]\n"
+SUN = '[[lights]]\ntype = "directional"\ndirection = [-0.5, -1.2, -0.7]\nirradiance = [0.8, 0.7, 0.9]\n'
 SECOND_LIGHT = '[[lights]]\nposition = [-1.3, 1.9, 1.1]\nintensity = [1.5, 2.0, 2.5]\nfalloff = "inverse-square"\n'
 FLOOR = '[[planes]]\nnormal = [0, 2, 0]\noffset = 0.8\nmaterial = "checks"\n'
 
 
 def sphere(center, radius, material):
     return f'[[spheres]]\ncenter = {center}\nradius = {radius}\nmaterial = "{material}"\n'
+
+
+def disc(center, normal, radius, material):
+    return f'[[discs]]\ncenter = {center}\nnormal = {normal}\nradius = {radius}\nmaterial = "{material}"\n'
 
 
 def plane(normal, offset, material):
@@ -121,6 +143,33 @@ SCENES = {
     ),
     "opaque Fresnel": scene(three("coat", "coat", "red"), ROOM),
     "opaque Fresnel among glass": scene(three("coat", "glass", "tinted"), sphere([0.6, -0.2, 0.6], 0.2, "coat"), ROOM),
+    "polished walls": scene(three("coat", "glass", "lacquer"), plane([0, 1, 0.1], 0.8, "lacquer"), LIGHT),
+    "polish without glass": scene(three("coat", "mirror", "lacquer"), plane([0, 1, 0], 0.8, "coat"), LIGHT),
+    "camera in glass before polish": scene(
+        sphere([0.1, 0.3, 3.1], 0.5, "glass"), three("coat", "lacquer", "red"), plane([0, 1, 0], 0.8, "lacquer"), LIGHT
+    ),
+    "partial shadows": scene(three("veil", "bright_glass", "red"), ROOM),
+    "partial shadows on each other": scene(
+        three("veil", "veil", "bright_glass"), sphere([0.1, 0.9, 0.4], 0.3, "veil"), ROOM
+    ),
+    "no shadow": scene(three("ghost", "red", "mirror"), ROOM),
+    "discs": scene(
+        three("red", "mirror", "glass"),
+        disc([0.2, 0.1, 0.6], [0.4, -1, 0.3], 0.5, "red"),
+        disc([-0.6, 0.5, -0.3], [1, 0.2, 2], 0.7, "mirror"),
+        disc([0.7, 0.9, -0.4], [0, 1, 0.2], 0.6, "checks"),
+        ROOM,
+    ),
+    "discs alone": scene(disc([0.2, 0.1, 0], [0.4, -1, 0.9], 0.8, "red"), LIGHT),
+    "discs that let rays and light through": scene(
+        three("red", "veil", "glass"),
+        disc([0.1, 0.3, 0.9], [0.3, 0.1, 1], 0.9, "pane"),
+        disc([0.5, 1.2, 0.9], [0.3, 1, 0.4], 0.6, "veil"),
+        FLOOR,
+        LIGHT,
+    ),
+    "sun": scene(three("glass", "mirror", "red"), disc([0.3, 1.1, 0.4], [0.2, 1, 0], 0.5, "red"), FLOOR, SUN),
+    "sun and lamp": scene(three("red", "veil", "tinted"), FLOOR, SUN, LIGHT),
     "least importance": scene(three("glass", "mirror", "tinted"), ROOM, sky="min_importance = 0.07\nmax_depth = 8\n" + SKY),
     "depth 1": scene(three("glass", "mirror", "tinted"), ROOM, sky="max_depth = 1\n" + SKY),
     "depth 2": scene(three("glass", "mirror", "tinted"), ROOM, sky="max_depth = 2\n" + SKY),

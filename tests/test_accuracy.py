@@ -6,8 +6,8 @@ import pytest
 from samples import CAMERA, MATERIALS, SKY, sphere
 
 import whitted as wt
-from whitted.accuracy import Setting, recommend, settings
-from whitted.render import render
+from whitted.rendering.auto_samples import Setting, recommend, settings
+from whitted.rendering.samples import render_samples
 
 BALLS = SKY + "max_depth = 1\n" + CAMERA + MATERIALS + sphere([0, 0, 0], 0.9, "red") + sphere([1, 0.5, -1], 0.8, "checks_less")
 
@@ -29,7 +29,7 @@ def test_errors_are_met(balls, error):
 
 def test_the_cheapest_good_setting_is_taken(balls, monkeypatch):
     offered = [Setting(4, True, 3.0), Setting(1, False, 1.0), Setting(16, False, 2.0)]
-    monkeypatch.setattr("whitted.accuracy.settings", lambda *_: offered)
+    monkeypatch.setattr("whitted.rendering.auto_samples.settings", lambda *_: offered)
     size = (160, 120)
     assert recommend(balls, 0.5, resolution=size) == offered[1]
     assert recommend(balls, 0.02, resolution=size) == offered[2]
@@ -42,10 +42,10 @@ def test_the_cheapest_good_setting_is_taken(balls, monkeypatch):
 
 def test_errors_are_told_from_plain_samples_where_edges_take_long(balls, monkeypatch):
     offered = [Setting(1, False, 1.0), Setting(16, False, 2.0), Setting(1, True, 3.0), Setting(4, True, 2000.0)]
-    monkeypatch.setattr("whitted.accuracy.settings", lambda *_: offered)
+    monkeypatch.setattr("whitted.rendering.auto_samples.settings", lambda *_: offered)
     tried = []
     monkeypatch.setattr(
-        "whitted.accuracy.render_samples", lambda *args, **options: tried.append(args[1]) or render(*args, **options)
+        "whitted.rendering.auto_samples.render_samples", lambda *args, **options: tried.append(args[1]) or render_samples(*args, **options)
     )
     assert recommend(balls, 0.02, resolution=(160, 120)) == offered[1]
     assert tried == [1024, 1, 16]
@@ -55,7 +55,7 @@ def test_costs_of_larger_images_are_told_from_small_ones(balls, monkeypatch):
     """Both of 128 x 128 pixels; sixteen times as many take sixteen times as long, four times where edges count."""
     # Milliseconds: one for a plain sample a pixel, a fifth more and three for its edges
     monkeypatch.setattr(
-        "whitted.accuracy._seconds",
+        "whitted.rendering.auto_samples._seconds",
         lambda call: call.args[1] * (4.2e-3 if call.keywords["boundary"] else 1e-3) * (call.keywords["resolution"] == (128, 128)),
     )
     small, large = (settings(balls, None, (side, side)) for side in (128, 512))

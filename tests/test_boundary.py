@@ -1,6 +1,5 @@
 """What edges add to pixels and gradients: closed forms, each kind of edge alone, and the whole."""
 
-import sys
 from pathlib import Path
 
 import drjit as dr
@@ -10,7 +9,9 @@ from gradcheck import adjoint_error, directions, image_difference, image_error, 
 from samples import FLOOR, LIGHT, SKY, scene, three
 
 from whitted import load_scene, render
-from whitted.camera import primary_ray, view
+from whitted.edges import search, settings
+from whitted.rendering import job
+from whitted.tracing.primary import camera_frame, primary_ray
 
 SCENES = sorted((Path(__file__).parents[1] / "scenes").glob("*.toml"))
 AHEAD = "[camera]\nposition = [0, 0, 4]\nlook_at = [0, 0, 0]\nfov = 40\nresolution = [32, 32]\n"
@@ -312,7 +313,7 @@ def test_gradients_of_example_scenes_are_finite(path, precision):
 def test_bands_are_the_whole(load, monkeypatch, precision):
     loaded = load(MIXED, precision)
     whole, slope = render(loaded, 4).numpy(), derivative(loaded, "spheres.sphere0.center", spp=4)
-    monkeypatch.setattr(sys.modules["whitted.render"], "BAND", 16 * 4 * 4)
+    monkeypatch.setattr(job, "BAND", 16 * 4 * 4)
     np.testing.assert_array_equal(render(loaded, 4).numpy(), whole)
     np.testing.assert_array_equal(derivative(loaded, "spheres.sphere0.center", spp=4), slope)
 
@@ -321,7 +322,7 @@ def test_chunks_of_edges_are_the_whole(load, monkeypatch, precision):
     """Pixels to the last bit, derivatives to rounding."""
     loaded = load(MIXED, precision)
     whole, slope = render(loaded, 4).numpy(), derivative(loaded, "spheres.sphere0.center", spp=4)
-    monkeypatch.setattr(sys.modules["whitted.boundary"], "LANES", 64)
+    monkeypatch.setattr(settings, "LANES", 64)
     np.testing.assert_array_equal(render(loaded, 4).numpy(), whole)
     chunked = derivative(loaded, "spheres.sphere0.center", spp=4)
     assert abs(chunked - slope).max() <= (1e-5 if precision == "single" else 1e-12) * abs(slope).max()
@@ -354,9 +355,8 @@ def test_error_of_the_gradient_falls_with_the_samples(load):
 @pytest.mark.parametrize(("name", "sides"), [("cornell", [2]), ("whitted1980", [2, 4])])
 def test_pixels_of_five_labels_have_sixteen_samples_where_they_are_many(name, sides, monkeypatch):
     """The tiles of Whitted's picture near the horizon are, a few corners of the Cornell box are not."""
-    module, taken = sys.modules["whitted.boundary"], []
-    made = module.fine_samples
-    monkeypatch.setattr(module, "fine_samples", lambda *given: taken.append(given[1]) or made(*given))
+    taken, made = [], search.fine_samples
+    monkeypatch.setattr(search, "fine_samples", lambda *given: taken.append(given[1]) or made(*given))
     render(load_scene(next(path for path in SCENES if path.stem == name)), resolution=(96, 72))
     assert taken == sides
 
@@ -370,7 +370,7 @@ def test_slivers_between_mirrors_need_their_samples_in_pieces(monkeypatch):
     reference, _ = image_difference(lambda moved: render(loaded.replace(moved), 400, **options), values, tangents, 1e-4)
     errors = []
     for pieces in (4, 1):
-        monkeypatch.setattr(sys.modules["whitted.correction"], "PIECES", pieces)
+        monkeypatch.setattr(settings, "PIECES", pieces)
         errors.append(image_error(derivative(loaded, name, spp=16, **options), reference))
     assert errors[0] < 0.7 * errors[1], errors
 
@@ -396,8 +396,8 @@ def test_dozens_of_edges_between_two_samples_are_all_found():
     A search that gives up early loses edges whose neighbours would cancel them: errors of 50 %.
     """
     scene = load_scene(next(path for path in SCENES if path.stem == "whitted1980"), "double")
-    real = type(scene.camera.fov)
-    ahead = primary_ray(view(scene.camera, real(1)), real(0.352), real(-0.102))
+    real = scene.precision.real
+    ahead = primary_ray(camera_frame(scene.camera, real(1)), real(0.352), real(-0.102))
     half = np.tan(np.radians(scene.camera.fov.numpy()[0] / 2))
     name, direction = "spheres.mirror.center", np.array([0.3, -0.8, -0.5])
     zoomed = scene.replace(

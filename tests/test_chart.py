@@ -6,10 +6,10 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from whitted import experiments
-from whitted.chart import chart, front, slope
+from whitted.measure import experiments
+from whitted.measure.chart import chart, front, slope
 from whitted.cli import run
-from whitted.measure import Store, in_turns
+from whitted.measure.store import Store, in_turns
 
 SCENE = """
 background = [0.1, 0.2, 0.3]
@@ -72,7 +72,7 @@ def test_report_has_all_groups_and_is_resumed(scene, tmp_path, capsys, monkeypat
         raise AssertionError
 
     with monkeypatch.context() as patch:
-        patch.setattr("whitted.experiments.in_turns", fail)
+        patch.setattr("whitted.measure.experiments.in_turns", fail)
         chart(
             scene, folder, json.loads((folder / "measured.json").read_text())["conditions"]["whitted"], size=(24, 24), quick=True
         )

@@ -260,16 +260,16 @@ def test_disk_that_is_full(tmp_path, capsys, monkeypatch):
     def fail(path, *_):
         raise OSError(28, "No space left on device", str(path))
 
-    monkeypatch.setattr("whitted.image.write_image", fail)
+    monkeypatch.setattr("whitted.files.images.write_image", fail)
     assert run(["render", str(SCENE), "-o", str(tmp_path / "a.exr"), "--size", "4x4"]) == 2
     check_refusal(tmp_path, capsys, "a.exr: cannot be read or written: No space left on device")
 
 
 def test_error_chooses_the_samples(tmp_path, capsys, monkeypatch):
-    from whitted.accuracy import Setting
+    from whitted.rendering.auto_samples import Setting
 
     offered = [Setting(4, False, 1.0), Setting(1, False, 2.0), Setting(4, True, 3.0)]
-    monkeypatch.setattr("whitted.accuracy.settings", lambda *_: offered)
+    monkeypatch.setattr("whitted.rendering.auto_samples.settings", lambda *_: offered)
     out = tmp_path / "a.exr"
     assert run(["render", str(SCENE), "-o", str(out), "--size", "24x16", "--depth", "3", "--error", "0.5"]) == 0
     assert "for an error of 0.5: spp 4, plain samples" in capsys.readouterr().out

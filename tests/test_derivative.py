@@ -1,5 +1,6 @@
 """Derivatives of images by every parameter, in both modes, against differences and against each other."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ from gradcheck import adjoint_error, compare, directions, jvp, vjp
 from samples import CAMERA, LIGHT, SECOND_LIGHT, SKY, plane, sphere
 from samples import render_plain as render
 
-from whitted.scene_file import load_scene
+from whitted.scene.files import load_scene
 
 SCENES = sorted((Path(__file__).parents[1] / "scenes").glob("*.toml"))
 
@@ -19,6 +20,7 @@ color = [0.2, 0.1, 0.15]
 specular = 0.5
 shininess = 9.5
 reflection = 0.8
+shadow = 0.9
 [materials.glass]
 color = [0.05, 0.1, 0.08]
 specular = 0.3
@@ -26,9 +28,13 @@ shininess = 6.0
 reflection = 0.9
 refraction = 0.85
 ior = 1.5
+shadow = 0.4
 fresnel = true
 [materials.air]
 color = [0.04, 0.03, 0.05]
+specular = 0.2
+shininess = 5.0
+shadow = 0.3
 reflection = 0.95
 refraction = 0.9
 ior = 1.05
@@ -40,11 +46,13 @@ shininess = 12.0
 reflection = 0.3
 refraction = 0.6
 ior = 1.7
+shadow = 0.5
 [materials.checks]
 color = [0.9, 0.1, 0.2]
 specular = 0.1
 shininess = 3.5
 reflection = 0.15
+shadow = 0.7
 checker = { color = [0.1, 0.8, 0.7], size = 0.37 }
 """
 OBJECTS = (
@@ -61,13 +69,21 @@ NAMES = [
     *(
         f"materials.{name}.{field}"
         for name in ("mirror", "glass", "air", "tinted", "checks")
-        for field in ("color", "specular", "shininess", "reflection", "refraction", "ior")
+        for field in ("color", "specular", "shininess", "reflection", "refraction", "ior", "shadow")
     ),
+    *(f"materials.checks.checker.{field}" for field in ("color", "size")),
     *(f"lights.light{k}.{field}" for k in range(2) for field in ("position", "intensity")),
     *("camera.position", "camera.look_at", "camera.fov", "background", "ambient"),
 ]
-# Nothing of these can be seen: opaque things have no index, and no light reaches the bubble through the glass
-WITHOUT_EFFECT = {"materials.mirror.ior", "materials.checks.ior", "materials.air.specular", "materials.air.shininess"}
+HARD = re.sub("shadow = .*\n", "", ALL)
+# Nothing of these can be seen: opaque things have no index, no light comes from below the floor, and a cell's size moves
+# nothing but edges
+WITHOUT_EFFECT = {
+    "materials.mirror.ior",
+    "materials.checks.ior",
+    "materials.checks.shadow",
+    "materials.checks.checker.size",
+}
 
 
 @pytest.fixture
@@ -108,13 +124,25 @@ def test_reverse_mode_is_forward_mode_transposed(load, image_of, name):
     assert adjoint_error(image_of(scene), values, only(values, name)) < 1e-10
 
 
-ALONE = ["spheres.sphere1.radius", "planes.plane0.offset", "materials.glass.ior", "materials.air.ior", "materials.checks.color"]
+ALONE = [
+    "spheres.sphere1.radius",
+    "planes.plane0.offset",
+    "materials.glass.ior",
+    "materials.air.ior",
+    "materials.checks.color",
+    "materials.checks.checker.color",
+    "materials.tinted.shadow",
+    "lights.light1.intensity",
+    "background",
+    "camera.fov",
+]
 
 
-@pytest.mark.parametrize("name", [*ALONE, "lights.light1.intensity", "background", "camera.fov"])
-def test_one_parameter_alone(load, image_of, name):
+@pytest.mark.parametrize("name", ALONE)
+@pytest.mark.parametrize("text", [ALL, HARD], ids=["partial shadows", "full shadows"])
+def test_one_parameter_alone(load, image_of, text, name):
     """The kernels that are compiled for one parameter only, which leave out all light that it does not change."""
-    scene = load(ALL)
+    scene = load(text)
     image, values = image_of(scene, resolution=(24, 18)), scene.parameters(name)
     check_differences(image, values, directions(values), name)
     assert adjoint_error(image, values, directions(values)) < 1e-10

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import whitted as wt
-from whitted.objective import Objective, split, view
-from whitted.ranges import limits, scales
+from whitted.inverse import fit as fit_module
+from whitted.inverse.bounds import bounds_of, scales_of
+from whitted.inverse.loss import Objective, split, view
 
 BALL = """
 background = [0.1, 0.2, 0.3]
@@ -175,11 +176,11 @@ def test_bounds_hold_and_are_told(ball, target, method):
 
 def test_default_bounds(ball):
     names = ["spheres.ball.radius", "materials.red.color", "materials.red.ior", "camera.fov", "camera.position"]
-    low, high = limits(ball, names, {})
+    low, high = bounds_of(ball, names, {})
     assert low.tolist() == pytest.approx([8e-4, 0, 0, 0, 1, 0.05, -np.inf, -np.inf, -np.inf])
     assert high.tolist() == pytest.approx([np.inf, 1, 1, 1, np.inf, 180, np.inf, np.inf, np.inf], abs=1e-2)
-    assert limits(ball.replace({"materials.red.ior": 0.7}), ["materials.red.ior"], {})[0][0] < 0.7
-    assert (scales(ball, names) > 0).all()
+    assert bounds_of(ball.replace({"materials.red.ior": 0.7}), ["materials.red.ior"], {})[0][0] < 0.7
+    assert (scales_of(ball, names) > 0).all()
 
 
 def test_a_parameter_without_effect_is_named(ball, target):
@@ -292,6 +293,6 @@ def test_what_is_not_a_number_is_named(ball, target, monkeypatch):
         wt.fit(start, target, wrt=WRT)
     monkeypatch.setattr(Objective, "parameters", lambda self, x: {WRT[0]: [0.0, 0.0, 0.0]})
     monkeypatch.setattr(Objective, "normal_equations", lambda self, x: (1.0, np.zeros(3), np.eye(3)))
-    monkeypatch.setattr(sys.modules["whitted.fit"], "start_of", lambda scene, name: np.array([0.0, np.nan, 0.0]))
+    monkeypatch.setattr(fit_module, "start_of", lambda scene, name: np.array([0.0, np.nan, 0.0]))
     with pytest.raises(ValueError, match=r"spheres\.ball\.center\.y became nan in iteration 0"):
         wt.fit(start, target, wrt=WRT)

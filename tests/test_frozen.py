@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import drjit as dr
 from drjit.llvm import ad
 
-from whitted.frozen import frozen
+from whitted.core.frozen import frozen
 
 
 @dataclass

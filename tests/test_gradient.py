@@ -6,8 +6,8 @@ import pytest
 from gradcheck import as_type, jvp
 from samples import SCENES, scene, sphere
 
-from whitted.gradient import gradient
-from whitted.render import render
+from whitted.rendering.api import render
+from whitted.rendering.gradient import gradient
 
 # One matte ball in a light of its own that comes from everywhere, before a black sky
 BALL = scene(sphere([0, 0, 0], 0.7, "red"), sky="background = [0, 0, 0]\nambient = [0.2, 0.3, 0.4]\n")

@@ -8,7 +8,8 @@ import pytest
 from drjit.llvm import ad
 from PIL import Image
 
-from whitted.image import clipped, from_srgb, read_image, to_srgb, write_image
+from whitted.files.images import clipped, read_image, write_image
+from whitted.files.png import from_srgb, to_srgb
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from drjit.llvm import ad
 
-from whitted.optics import fresnel, reflect, refract, transmission
+from whitted.tracing.optics import fresnel, reflect, refract, transmission
 
 TYPES = {"single": (ad.Float, ad.Array3f), "double": (ad.Float64, ad.Array3f64)}
 ROUNDING = {"single": 1e-6, "double": 1e-14}  # a few roundings of numbers near 1

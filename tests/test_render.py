@@ -10,10 +10,9 @@ from reference import Reference
 from samples import CAMERA, FLOOR, LIGHT, ROOM, SCENES, SECOND_LIGHT, SKY, scene, sphere, three
 from samples import render_plain as render
 
-from whitted.about import features
-from whitted.timing import recorded
-
-MODULE = sys.modules["whitted.render"]  # the package's attribute of this name is the function
+from whitted.measure.about import features
+from whitted.measure.timing import recorded
+from whitted.rendering import job
 
 
 def tangent(scene, name="spheres.sphere0.radius", **options):
@@ -109,7 +108,7 @@ def test_bands_are_the_whole(load, monkeypatch, precision, spp, rows):
     size = (10, 18)  # 18 rows: the last band is not full
     whole = render(scene, spp, resolution=size).numpy()
     whole_tangent, whole_gradients = tangent(scene, spp=spp, resolution=size), gradients(scene, spp=spp, resolution=size)
-    monkeypatch.setattr(MODULE, "BAND", 10 * spp * rows)
+    monkeypatch.setattr(job, "BAND", 10 * spp * rows)
     done = []
     banded = render(scene, spp, resolution=size, progress=done.append).numpy()
     np.testing.assert_allclose(done, [(k + rows) / 18 if k + rows < 18 else 1 for k in range(0, 18, rows)])
@@ -201,7 +200,7 @@ def test_black_terms_are_not_compiled(load):
         ),
         (
             scene(sphere(*BALL, "glass"), sphere(*BALL, "air"), sky="min_importance = 0.1\n"),
-            ["2 spheres", "Lambert", "Blinn-Phong", "reflection", "refraction", "Fresnel", "media search", "least importance"]
+            ["2 spheres", "Lambert", "Blinn-Phong", "reflection", "refraction", "Fresnel", "least importance"]
             + ["coinciding primitives", "tree of rays"],
         ),
         (scene(sphere([0, -1e6, 0], 1e6, "red"), sky=""), ["1 sphere", "Lambert", "Blinn-Phong", "compensated sums"]),

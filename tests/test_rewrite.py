@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from whitted.rewrite import rewritten
-from whitted.scene_file import load_scene
+from whitted.scene.files import load_scene
+from whitted.scene.rewrite import rewritten
 
 TEXT = """# a scene
 background = [0.1, 0.2, 0.3]   # dusk

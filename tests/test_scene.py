@@ -15,7 +15,7 @@ TEXT = (
     "background = [0.1, 0.2, 0.3]\nambient = [0.3, 0.2, 0.1]\n"
     + CAMERA
     + "[materials.red]\ncolor = [0.8, 0.2, 0.1]\nspecular = 0.4\nshininess = 7.5\n"
-    + "reflection = 0.25\nrefraction = 0.5\nior = 1.25\n"
+    + "reflection = 0.25\nrefraction = 0.5\nior = 1.25\nshadow = 0.75\n"
     + sphere([-0.5, 0.25, 0.125], 0.5, "red").replace("[[spheres]]", '[[spheres]]\nname = "ball"')
     + sphere([0.5, 0, 0], 0.25, "red")
     + plane([0, 2, 0], 1.5, "red")
@@ -34,6 +34,7 @@ EXPECTED = {
     "materials.red.reflection": [0.25],
     "materials.red.refraction": [0.5],
     "materials.red.ior": [1.25],
+    "materials.red.shadow": [0.75],
     "lights.light0.position": [1.5, 2.4, 2.0],
     "lights.light0.intensity": [0.9, 0.8, 0.7],
     "camera.position": [0.1, 0.4, 3.2],
@@ -244,11 +245,11 @@ def test_optimiser_takes_parameters_as_they_are(load):
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("spheres.ball.radius", -0.25, r"spheres.ball.radius = -0.25: expected a number in \(0, inf\); bound the steps"),
-        ("materials.red.ior", 0, r"materials.red.ior = 0: expected a number in \(0, inf\)"),
-        ("materials.red.shininess", -1, r"materials.red.shininess = -1: expected a number in \(0, inf\)"),
-        ("camera.fov", 180, r"camera.fov = 180: expected a number in \(0, 180\)"),
-        ("spheres.ball.center", [0, math.nan, 1], r"spheres.ball.center = 0, nan, 1: expected finite numbers"),
+        ("spheres.ball.radius", -0.25, r"spheres.ball.radius = -0.25: expected a number > 0; bound the steps"),
+        ("materials.red.ior", 0, r"materials.red.ior = 0: expected a number > 0"),
+        ("materials.red.shininess", -1, r"materials.red.shininess = -1: expected a number > 0"),
+        ("camera.fov", 180, r"camera.fov = 180: expected an angle in degrees, in \(0, 180\)"),
+        ("spheres.ball.center", [0, math.nan, 1], r"spheres.ball.center = 0, nan, 1: expected three finite numbers"),
         ("planes.plane0.normal", [0, 0, 0], r"planes.plane0.normal = 0, 0, 0: expected a direction"),
     ],
 )

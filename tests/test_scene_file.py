@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from samples import plane, sphere
 
-from whitted.scene import MAX_OBJECTS
-from whitted.scene_file import SceneError, load_scene
+from whitted.scene.files import SceneError, load_scene
+from whitted.scene.scene import MAX_OBJECTS
+from whitted.shapes import Plane, Sphere
 
 CAMERA = "[camera]\nposition = [0, 0, 3]\nlook_at = [0, 0, 0]\nfov = 50\nresolution = [8, 4]\n"
 BALL = "[materials.red]\n" + sphere([0, 0, 0], 1, "red")
 LIGHT = "[[lights]]\nposition = [0, 0, 2]\nintensity = [1, 1, 1]\n"
+SUN = '[[lights]]\ntype = "directional"\ndirection = [0, -1, 0]\nirradiance = [1, 1, 1]\n'
 TABLE = "expected a table"
 NUMBERS = "expected three finite numbers"
 
@@ -68,6 +70,14 @@ PROBLEMS = {
     light(
         'falloff = "square"'
     ): "lights[0].falloff = \"square\": expected 'none' or 'inverse-square'; did you mean 'inverse-square'?",
+    material("shadow = 1.2"): "materials.red.shadow = 1.2: expected a number in [0, 1]",
+    light('type = "spot"'): (
+        "lights[0].type = \"spot\": expected 'point' or 'directional'; did you mean 'point'?"
+    ),
+    light('type = "dirctional"'): (
+        "lights[0].type = \"dirctional\": expected 'point' or 'directional'; did you mean 'directional'?"
+    ),
+CAMERA + SUN.replace("[0, -1, 0]", "[0, 0, 0]"): "lights[0].direction = [0, 0, 0]: expected a direction, not zero",
     camera("fov", "180"): "camera.fov = 180: expected an angle in degrees, in (0, 180)",
     camera("fov", "0"): "camera.fov = 0: expected an angle in degrees, in (0, 180)",
     camera("look_at", "[0, 0, 3.0]"): "camera.look_at = [0, 0, 3.0]: expected a point other than camera.position",
@@ -116,7 +126,7 @@ PROBLEMS = {
         'spheres[1].name = "sphere1": taken by spheres[0]; names are unique'
     ),
     ball("radius = 1").replace("[materials.red]", "[materials.red]\nchecker = { color = [1, 1, 1], size = 1 }"): (
-        'spheres[0].material = "red": has a checker, which only planes can show'
+        'spheres[0].material = "red": has a checker, which only planes and discs can show'
     ),
     CAMERA + '[materials."odd name"]\nior = -1\n': 'materials."odd name".ior = -1: expected a number > 0',
     # Long values are shortened
@@ -157,7 +167,7 @@ def test_all_problems_are_listed(load, tmp_path):
 
 def test_too_many_objects(load):
     spheres = sphere([0, 0, 0], 1, "red") * (MAX_OBJECTS + 1)
-    with pytest.raises(SceneError, match=f": {MAX_OBJECTS + 1} spheres, planes and lights: expected at most {MAX_OBJECTS}$"):
+    with pytest.raises(SceneError, match=f": {MAX_OBJECTS + 1} shapes and lights: expected at most {MAX_OBJECTS}$"):
         load(CAMERA + "[materials.red]\n" + spheres)
 
 
@@ -216,8 +226,8 @@ def test_defaults(load):
     scene = load(CAMERA + BALL + LIGHT)
     assert (scene.max_depth, scene.min_importance, scene.camera.up, scene.resolution) == (5, 0, (0, 1, 0), (8, 4))
     (red,) = scene.materials
-    assert (red.name, red.fresnel, red.checker, scene.lights[0].inverse_square) == ("red", False, None, False)
-    defaults = {"color": (0, 0, 0), "specular": 0, "shininess": 50, "reflection": 0, "refraction": 0, "ior": 1.5}
+    assert (red.name, red.fresnel, red.checker, scene.lights[0].falloff) == ("red", False, None, "none")
+    defaults = {"color": (0, 0, 0), "specular": 0, "shininess": 50, "reflection": 0, "refraction": 0, "ior": 1.5, "shadow": 1}
     values = {f"materials.red.{key}": value for key, value in defaults.items()} | {"background": (0,) * 3, "ambient": (0,) * 3}
     for name, array in scene.parameters(*values).items():
         np.testing.assert_array_equal(np.array(array).ravel(), values[name], err_msg=name)
@@ -227,15 +237,18 @@ def test_every_key_arrives(load):
     scene = load(
         "background = [1, 2, 3]\nambient = [4, 5, 6]\nmax_depth = 7\nmin_importance = 0.25\n" + camera("up", "[0, 2, 1]")
         + "[materials.m]\ncolor = [0.1, 0.2, 0.3]\nspecular = 0.4\nshininess = 5\nreflection = 0.6\nrefraction = 0.7\nior = 0.8\n"
-        + "fresnel = true\nchecker = { color = [0.9, 0.8, 0.7], size = 0.6 }\n[materials.n]\n"
+        + "shadow = 0.5\nfresnel = true\nchecker = { color = [0.9, 0.8, 0.7], size = 0.6 }\n[materials.n]\n"
         + '[[spheres]]\nname = "ball"\ncenter = [1, 2, 3]\nradius = 4\nmaterial = "n"\n'
         + '[[planes]]\nname = "floor"\nnormal = [0, 3, 4]\noffset = 7\nmaterial = "m"\n'
+        + '[[discs]]\nname = "plate"\ncenter = [1, 1, 2]\nnormal = [0, 6, 8]\nradius = 3\nmaterial = "m"\n'
         + '[[lights]]\nname = "key"\nposition = [1, 2, 3]\nintensity = [4, 5, 6]\nfalloff = "inverse-square"\n'
+        + '[[lights]]\nname = "sun"\ntype = "directional"\ndirection = [0, -3, 4]\nirradiance = [1, 2, 3]\n'
     )  # fmt: skip
-    assert (scene.max_depth, scene.min_importance, scene.camera.up, scene.lights[0].inverse_square) == (7, 0.25, (0, 2, 1), True)
-    material = scene.materials[0]
-    assert material.fresnel
-    assert (material.checker.color, material.checker.size) == ((0.9, 0.8, 0.7), 0.6)
+    assert (scene.max_depth, scene.min_importance, scene.camera.up, scene.lights[0].falloff) == (
+        *(7, 0.25, (0, 2, 1)),
+        "inverse-square",
+    )
+    assert scene.materials[0].fresnel
     expected = {
         "spheres.ball.center": [1, 2, 3],
         "spheres.ball.radius": [4],
@@ -247,6 +260,14 @@ def test_every_key_arrives(load):
         "materials.m.reflection": [0.6],
         "materials.m.refraction": [0.7],
         "materials.m.ior": [0.8],
+        "materials.m.shadow": [0.5],
+        "materials.m.checker.color": [0.9, 0.8, 0.7],
+        "materials.m.checker.size": [0.6],
+        "discs.plate.center": [1, 1, 2],
+        "discs.plate.normal": [0, 0.6, 0.8],
+        "discs.plate.radius": [3],
+        "lights.sun.direction": [0, -0.6, 0.8],
+        "lights.sun.irradiance": [1, 2, 3],
         "lights.key.position": [1, 2, 3],
         "lights.key.intensity": [4, 5, 6],
         "camera.position": [0, 0, 3],
@@ -262,7 +283,7 @@ def test_every_key_arrives(load):
 def test_default_names_count_from_zero(load):
     text = CAMERA + BALL + 'name = "ball"\n' + sphere([2, 0, 0], 1, "red") + plane([0, 1, 0], 1, "red") + LIGHT * 2
     scene = load(text)
-    assert [x.name for x in (*scene.spheres, *scene.planes, *scene.lights)] == ["ball", "sphere1", "plane0", "light0", "light1"]
+    assert [x.name for x in (*scene.shapes, *scene.lights)] == ["ball", "sphere1", "plane0", "light0", "light1"]
 
 
 def test_precision_decides_the_types(load):
@@ -285,7 +306,7 @@ FLOOR = plane([0, 1, 0], 1, "red")
 )
 def test_nothing_but_a_camera_is_needed(load, text, counts):
     scene = load(CAMERA + text)
-    assert (len(scene.spheres), len(scene.planes), len(scene.lights)) == counts
+    assert (*(sum(isinstance(x, kind) for x in scene.shapes) for kind in (Sphere, Plane)), len(scene.lights)) == counts
 
 
 def test_object_of_one_kind_may_be_named_like_one_of_another(load):
@@ -296,5 +317,5 @@ def test_object_of_one_kind_may_be_named_like_one_of_another(load):
 def test_extremes_are_legal(load):
     text = camera("fov", "179.9") + BALL.replace("radius = 1", "radius = 1e-10").replace("[0, 0, 0]", "[1e17, -1e17, 0]") + LIGHT
     scene = load(text + plane([0, 1e-12, 0], -1e9, "red"))
-    assert math.isclose(np.array(scene.spheres[0].radius).item(), 1e-10)
-    np.testing.assert_array_equal(np.array(scene.planes[0].normal).ravel(), [0, 1, 0])
+    assert math.isclose(np.array(scene.shapes[0].radius).item(), 1e-10)
+    np.testing.assert_array_equal(np.array(scene.shapes[1].normal).ravel(), [0, 1, 0])

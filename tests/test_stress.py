@@ -5,14 +5,15 @@ import csv
 import numpy as np
 import pytest
 
-from whitted import hard_optics, stress
 from whitted.cli import run
-from whitted.hard_case import PRECISIONS, Case, Chart, Check, Curve
-from whitted.stress_report import breaking, told_break
+from whitted.core.arrays import PRECISIONS
+from whitted.stress import optics, suite
+from whitted.stress.case import Case, Chart, Check, Curve
+from whitted.stress.report import breaking, told_break
 
 
 @pytest.mark.parametrize("precision", PRECISIONS, ids=lambda precision: precision.name)
-@pytest.mark.parametrize("case", stress.CASES, ids=stress.slug)
+@pytest.mark.parametrize("case", suite.CASES, ids=suite.slug)
 def test_case(case, precision):
     checks = list(case.checks(precision))
     assert checks
@@ -20,11 +21,11 @@ def test_case(case, precision):
 
 
 def test_every_case_of_the_list_is_there():
-    assert [case.number for case in stress.CASES] == list(range(1, 32))
-    assert len({stress.slug(case) for case in stress.CASES}) == 31
+    assert [case.number for case in suite.CASES] == list(range(1, 32))
+    assert len({suite.slug(case) for case in suite.CASES}) == 31
 
 
-@pytest.mark.parametrize("case", [case for case in stress.CASES if case.number in (1, 11, 14, 18)], ids=stress.slug)
+@pytest.mark.parametrize("case", [case for case in suite.CASES if case.number in (1, 11, 14, 18)], ids=suite.slug)
 def test_charts_show_where_methods_break(case):
     """Of two methods, or of two precisions, one breaks and the other does not, or does so later."""
     chart = case.chart()
@@ -50,8 +51,8 @@ def test_report(tmp_path, capsys):
 
 def test_failure_is_told(tmp_path, capsys, monkeypatch):
     """A reflectance that is off by 1e-4 fails in both precisions, and so does the command."""
-    right = hard_optics.fresnel
-    monkeypatch.setattr(hard_optics, "fresnel", lambda *args: right(*args) * 1.0001)
+    right = optics.fresnel
+    monkeypatch.setattr(optics, "fresnel", lambda *args: right(*args) * 1.0001)
     assert run(["stress", "9", "-o", str(tmp_path / "out")]) == 1
     told = capsys.readouterr().out
     assert told.count("FAIL") == 6  # a value and two derivatives, in two precisions
@@ -64,7 +65,7 @@ def test_case_that_raises_fails():
         yield Check("first", 0, 0)
         raise ZeroDivisionError("by zero")
 
-    results = stress.run([Case(1, "broken", "", "", broken)])
+    results = suite.run([Case(1, "broken", "", "", broken)])
     assert [result.passed for result in results] == [False, False]
     assert results[0].tightest.what == "ZeroDivisionError: by zero"
 

@@ -16,14 +16,13 @@ from ..sampling.band import Band, Inputs
 from ..sampling.film import Film
 from ..scene.structure import Structure
 from ..tracing.node import Limits
-from . import kernels
+from . import kernels, settings
 from .events import Event, Kind
 from .grid import Samples
 from .motion import Edge
 from .pairs import Crossings, Pairs, walk_order
 from .paths import Path
 from .quadrature import Extra, intervals_beside, samples_beside
-from .settings import LANES, LEAST_WEIGHT, LEAST_WEIGHT_BESIDE, PIECES
 from .tables import concatenated, deposit, rows_of
 
 TERMS = ("both", "interior", "boundary")
@@ -58,7 +57,7 @@ class Correction:
 
     def by_weight(self, wrt: Parameters) -> tuple[Parameters, Parameters]:
         """The parameters `wrt`, and apart those weights so small that edges in what they show are not found."""
-        least = LEAST_WEIGHT / self.band.side**2
+        least = settings.LEAST_WEIGHT / self.band.side**2
         small = {name for name, value in wrt.items() if name.endswith(WEIGHTS) and abs(value.numpy()[0]) < least}
         return (
             {name: value for name, value in wrt.items() if name not in small},
@@ -84,7 +83,7 @@ class Correction:
         order = np.argsort(whole.order, kind="stable")
         # Derivatives by a weight need rays that have little of it
         dim = not any(name.endswith(WEIGHTS) for name in found)
-        for part in chunks(len(order), LANES):
+        for part in chunks(len(order), settings.LANES):
             extra = rows_of(whole, order[part])
             yield extra, self._without_dim_rays(extra.beside & dim), found
 
@@ -92,7 +91,7 @@ class Correction:
         """A kernel's inputs, for samples of which some, that count for a part of a pixel, have no rays of little weight."""
         *inputs, limits = self.band.inputs
         (least,) = limits.importance.numpy() if limits.importance is not None else (0.0,)
-        importance = np.where(which, max(least, LEAST_WEIGHT_BESIDE / self.band.side**2), least)
+        importance = np.where(which, max(least, settings.LEAST_WEIGHT_BESIDE / self.band.side**2), least)
         return *inputs, replace(limits, importance=self.band.lanes(importance)[0])  # type: ignore[return-value]
 
     def tangent(self, wrt: Parameters, tangents: Parameters, terms: str) -> Array:
@@ -191,7 +190,7 @@ class Found:
         deposit(taken, pairs.sample.take(pair, 1), part)
         # Derivatives may change much between edges close to each other, as seen in curved mirrors; and at creases that
         # are singular, from which a surface runs off into the distance
-        most, close = min(self.band.side, PIECES), np.bincount(found.pair) > 1
+        most, close = min(self.band.side, settings.PIECES), np.bincount(found.pair) > 1
         close[found.pair[edge["kind"] == Kind.CREASE]] = True
         pieces = np.where(close.take(pair), most, 1)
         extra = []

@@ -108,7 +108,7 @@ def _classify_light(
     light, uint = scene.lights[k], type(event.kind)
     changes = here.lights[k] != there.lights[k]
     one, two = incident(scene, at, light), incident(scene, to, light)
-    shadow_ends = changes & (one.blocked != two.blocked)
+    shadow_ends = changes & (one.dark != two.dark)
     if here.veils:
         dims = here.veils[k] != there.veils[k]
         changes, shadow_ends = changes | dims, shadow_ends | dims
@@ -132,8 +132,8 @@ def level_function(scene: Scene, node: Node, event: Event, limits: Limits) -> tu
     outline, crease = other.of(lambda x: x.outline(ray.o, ray.d)), other.of(lambda x: x.level(at.p))
     value = dr.select(event.kind == Kind.OUTLINE, outline, crease)
     if scene.lights:
-        directions = ((k, light.toward(at.p).direction) for k, light in enumerate(scene.lights))
-        to_light = select(event.light, directions, type(at.p)(0, 1, 0))
+        ways = ((k, light.way(at.p)) for k, light in enumerate(scene.lights))
+        to_light = dr.normalize(select(event.light, ways, type(at.p)(0, 1, 0)))
         shadow = other.of(lambda x: x.outline(at.p, to_light))
         value = dr.select(event.kind == Kind.SHADOW, shadow, value)
         value = dr.select(event.kind == Kind.TERMINATOR, dr.dot(at.n, to_light), value)

@@ -56,7 +56,7 @@ def decide(scene: Scene, seen: Visit) -> Decisions:
         cell=_cell(scene, at),
         lights=tuple(_is_dark(scene, ray, at, light) for light in incidents),
         veils=tuple(
-            dr.select(_shows_light(scene, at) & (light.cosine > 0), light.veil, 0)
+            dr.select(_shows_light(scene, at) & (light.cosine > 0) & ~light.dark, light.veil, 0)
             for light in incidents
             if light.veil is not None
         ),
@@ -95,7 +95,7 @@ def _shows_light(scene: Scene, at: Surface) -> Array:
 def _is_dark(scene: Scene, ray: Ray, at: Surface, light: Incident) -> Array:
     """Whether something keeps a light away: a shadow, or the terminator where a highlight ends there."""
     faces = at.hits & (light.cosine > 0)
-    dark = _shows_light(scene, at) & faces & light.blocked
+    dark = _shows_light(scene, at) & faces & light.dark
     if glossy(scene):
         specular, shininess = highlight(scene, at)
         shine = specular * blinn_phong(ray.d, at.n, light.toward.direction, shininess)

@@ -8,13 +8,12 @@ import numpy as np
 from ..core.arrays import Array
 from ..core.host import chunks, stacked, to_numpy
 from ..sampling.band import Band
-from . import kernels
+from . import kernels, settings
 from .correction import Found, Numbers, numbers_of
 from .grid import Samples, band_samples, fine_samples, neighbours_across_edges
 from .locate import Crossing, Segment
 from .pairs import Crossings, Moves, Pairs, interleaved, pairs_of
 from .refinement import groups_to_refine
-from .settings import LANES, ROUNDS, ROUNDS_OF_SINGLE_SAMPLES, SAMPLES
 from .tables import concatenated, deposit, rows_of
 
 
@@ -58,8 +57,8 @@ class _Search:
         pairs = concatenated(
             [regular, *(pairs_of(group, *neighbours_across_edges(group)) for group in fine)]
         )
-        for part in chunks(len(pairs), LANES):
-            whole = len(pairs) <= LANES
+        for part in chunks(len(pairs), settings.LANES):
+            whole = len(pairs) <= settings.LANES
             self.cross(pairs if whole else rows_of(pairs, np.arange(part.start, part.stop)))
         self.move()
         return self.flat, Found(band, refined, fine, self.crossed) if self.keep else None
@@ -69,7 +68,7 @@ class _Search:
         if not fine:
             return []
         x, y = (np.concatenate([getattr(group, name)[places] for group, places in fine]) for name in "xy")
-        band, parts = self.band, chunks(len(x), SAMPLES)
+        band, parts = self.band, chunks(len(x), settings.SAMPLES)
         return [kernels.labelled_samples(*band.inputs, *band.lanes(x[part], y[part])) for part in parts]
 
     def refine(
@@ -135,7 +134,7 @@ def _rounds(band: Band, pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray, 
 
     pair = interleaved(np.arange(len(pairs)))
     start, stop, ends = np.zeros(len(pair)), pairs.length.take(pair), pairs.label.take(pair, 1)
-    rounds = ROUNDS if band.side > 1 else ROUNDS_OF_SINGLE_SAMPLES
+    rounds = settings.ROUNDS if band.side > 1 else settings.ROUNDS_OF_SINGLE_SAMPLES
     following = search(pair, start, stop, *ends) if len(pair) else None
     for left_over in reversed(range(rounds)):
         if following is None:

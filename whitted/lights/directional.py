@@ -17,9 +17,12 @@ class DirectionalLight(Light):
     direction: Array = parameter(3, DIRECTION)
     irradiance: Array = parameter(3, ANY, usual=NON_NEGATIVE, scale=Scale(1 / 2, "value"))
 
+    def way(self, p: Array) -> Array:
+        return -self.direction
+
     def toward(self, p: Array) -> Toward:
         real = dr.value_t(p)
-        return Toward(-self.direction + dr.zeros(type(p)), real(dr.inf), real(1), None)
+        return Toward(self.way(p), real(dr.inf), real(1), None)
 
     def arriving(self, toward: Toward) -> Array:
         return self.irradiance

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from ..core.arrays import Array
 
@@ -25,8 +25,12 @@ class Light(ABC):
     name: str
 
     @abstractmethod
+    def way(self, p: Array) -> Array:
+        """Array3f: a vector of any length from a point towards the light."""
+
+    @abstractmethod
     def toward(self, p: Array) -> Toward:
-        """The way from a point to the light."""
+        """The light as seen from a point."""
 
     @abstractmethod
     def arriving(self, toward: Toward) -> Array:

@@ -19,9 +19,12 @@ class PointLight(Light):
     intensity: Array = parameter(3, ANY, usual=NON_NEGATIVE, scale=Scale(1 / 2, "value"))
     falloff: str = setting(Literal["none", "inverse-square"], "none")
 
+    def way(self, p: Array) -> Array:
+        return self.position - p
+
     def toward(self, p: Array) -> Toward:
         """A point at the light itself is as if at distance 1, so that nothing is divided by zero."""
-        offset = self.position - p
+        offset = self.way(p)
         squared = dr.squared_norm(offset)
         squared = dr.select(squared > 0, squared, 1)
         distance = dr.sqrt(squared)

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
-GROUPS = ("spheres", "planes", "lights")
+from .files import load_scene
+from .parameters import Location, check_names
+from .scene import Scene
 
 
 def rewritten(path: str | Path, parameters: Mapping[str, Any]) -> str:
@@ -18,7 +20,8 @@ def rewritten(path: str | Path, parameters: Mapping[str, Any]) -> str:
 
     Raises:
         RuntimeError: there is no tomlkit.
-        OSError: the file cannot be read.
+        SceneError: the file cannot be read, or is not a valid scene.
+        KeyError: a name that the scene does not have; the message lists the nearest ones.
     """
     try:
         import tomlkit
@@ -26,21 +29,29 @@ def rewritten(path: str | Path, parameters: Mapping[str, Any]) -> str:
         raise RuntimeError(
             "scenes are written by tomlkit, which is missing; install it with: pip install 'whitted[fit]'"
         ) from None
+    scene = load_scene(path)
+    check_names(parameters, scene.locations)
     document: Any = tomlkit.parse(Path(path).read_bytes().decode())
     for name, value in parameters.items():
-        kind, _, rest = name.partition(".")
-        owner, _, field = rest.rpartition(".")
-        table = _table(document, kind, owner)
+        where = scene.locations[name]
         numbers = [float(f"{number:.9g}") for number in np.ravel(value)]
-        table[field or kind] = numbers if len(numbers) > 1 else numbers[0]
+        key = where.path[-1] if where.path else where.field
+        _table(document, scene, where)[key] = numbers if len(numbers) > 1 else numbers[0]
     return tomlkit.dumps(document)
 
 
-def _table(document: Any, kind: str, owner: str) -> Any:
+def _table(document: Any, scene: Scene, where: Location) -> Any:
     """The table of the file that has a parameter."""
-    if kind in GROUPS:
-        named = [item.get("name", f"{kind[:-1]}{k}") for k, item in enumerate(document[kind])]
-        return document[kind][named.index(owner)]
-    if kind == "materials":
-        return document[kind][owner]
-    return document[kind] if kind == "camera" else document
+    if not where.path:
+        return document
+    if where.field == "shapes":
+        kind = type(scene.shapes[where.place])
+        before = sum(type(shape) is kind for shape in scene.shapes[: where.place])
+        table = document[kind.group][before]
+    elif where.field == "materials":
+        table = document["materials"][scene.materials[where.place].name]
+    else:
+        table = document[where.field] if where.place is None else document[where.field][where.place]
+    for part in where.path[:-1]:
+        table = table[part]
+    return table

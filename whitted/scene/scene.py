@@ -172,8 +172,8 @@ class Scene:
 
     @cached_property
     def used(self) -> tuple[Material, ...]:
-        """The materials that some shape is made of."""
-        names = {shape.material for shape in self.shapes}
+        """The materials of the shapes that rays can meet."""
+        names = {shape.material for one in self.sets for _, shape in one.members}
         return tuple(material for material in self.materials if material.name in names)
 
     @cached_property

@@ -7,6 +7,7 @@ import drjit as dr
 from ..core.arrays import Array, any_true
 from ..core.ray import NONE
 from ..scene.features import coats, may
+from ..scene.material import Material
 from ..scene.scene import Scene
 from ..shapes.sets import Medium
 from .surface import Surface, lookup
@@ -19,7 +20,7 @@ def relative_index(scene: Scene, at: Surface) -> Array:
 
     Behind an opaque surface, which reflects like a polished dielectric, is its material's own index.
     """
-    fills = {m.name: (m.ior, m.refraction != 0) for m in scene.used if may(scene, m, "refraction")}
+    fills = {m.name: (m.ior, _is_clear(m)) for m in scene.used if may(scene, m, "refraction")}
     inside, own = at.hit.inside, _own_medium(at, fills)
     alone = sum(primitives.made_of(fills) for primitives in scene.sets) == 1
     if alone and not coats(scene):
@@ -34,6 +35,12 @@ def relative_index(scene: Scene, at: Surface) -> Array:
     polished = any_true((at.of[m.name] for m in scene.used if m.name in coated), at.hits)
     ior = lookup(scene, at, "ior", lambda m: m.name in coated)
     return dr.select(polished, outer.ior / dr.select(polished, ior, 1), eta)
+
+
+def _is_clear(material: Material) -> Array:
+    """Whether a material is transparent: its weight is not 0, or the 0 is being differentiated."""
+    clear = material.refraction != 0
+    return type(clear)(True) if dr.grad_enabled(material.refraction) else clear
 
 
 def _own_medium(at: Surface, fills: Fills) -> Medium:

@@ -20,10 +20,16 @@ class Incident:
     toward: Toward
     cosine: Array  # of the angle between the direction to the light and the normal
     ray: ShadowRay  # detached
-    blocked: Array  # Bool: nothing of the light arrives
-    # Where things keep a part of a light away: what is left of it, and a hash of the things in the way
-    transmitted: Array | None
-    veil: Array | None
+    blocked: Array  # Bool: something keeps all of the light away
+    transmitted: Array | None  # what other things leave of it; None in a scene where all shadows are full
+    veil: Array | None  # UInt32: a hash of the things that it shines through; None likewise
+
+    @property
+    def dark(self) -> Array:
+        """Whether nothing of the light arrives."""
+        if self.transmitted is None:
+            return self.blocked
+        return self.blocked | (dr.detach(self.transmitted) == 0)
 
 
 def incident(scene: Scene, at: Surface, light: Light) -> Incident:
@@ -43,8 +49,7 @@ def incident(scene: Scene, at: Surface, light: Light) -> Incident:
     transmitted, veil = dr.value_t(at.p)(1), type(at.hit.index)(0)
     for primitives in sets:
         transmitted, veil = primitives.transmitted(ray, passes, transmitted, veil)
-    blocked |= dr.detach(transmitted) == 0
-    return Incident(toward, cosine, ray, blocked, transmitted, dr.select(blocked, 0, veil))
+    return Incident(toward, cosine, ray, blocked, transmitted, veil)
 
 
 def shadowing(scene: Scene, *how: str) -> list[str]:

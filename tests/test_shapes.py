@@ -9,27 +9,18 @@ from drjit.llvm import ad
 from samples import LIGHT, sphere
 from samples import render_plain as render
 
-from whitted.geometry import (
-    NONE,
-    Plane,
-    Ray,
-    Sphere,
-    level,
-    plane_blocks,
-    plane_distance,
-    safe_normalize,
-    sphere_blocks,
-    sphere_distance,
-    two_sum,
-)
+from whitted.core.arrays import DOUBLE, SINGLE
+from whitted.core.numerics import safe_normalize, two_sum
+from whitted.core.ray import NONE, Ray, ShadowRay
+from whitted.shapes import Plane, Sphere
 
 TYPES = {"single": (ad.Float, ad.Array3f), "double": (ad.Float64, ad.Array3f64)}
 EPSILON = {"single": 2.0**-23, "double": 2.0**-52}
 WHITE = "[materials.white]\ncolor = [1, 1, 1]\n"
 
 
-def ball(vector, center, radius, wide=False):
-    return Sphere("ball", "", vector(*map(float, center)), dr.value_t(vector)(radius), wide)
+def ball(vector, center, radius, compensated=False):
+    return Sphere("ball", "", vector(*map(float, center)), dr.value_t(vector)(radius), compensated)
 
 
 def ray_of(o, d, inward=False):
@@ -40,12 +31,19 @@ def ray_of(o, d, inward=False):
 
 def meets(sphere, ray, on=False):
     """Distance, whether the sphere is met, whether from within: as NumPy arrays."""
-    return tuple(x.numpy() for x in sphere_distance(sphere, ray, dr.mask_t(ray.inward)(on)))
+    return tuple(x.numpy() for x in sphere.distance(ray, dr.mask_t(ray.inward)(on)))
 
 
-@pytest.mark.parametrize("wide", [False, True])
+def segment(p, light):
+    """The way from a point to a light, from no surface."""
+    distance = dr.norm(light - p)
+    uint, mask = dr.uint32_array_t(distance), dr.mask_t(distance)
+    return ShadowRay(p, (light - p) / distance, distance, light, uint(NONE), mask(False))
+
+
+@pytest.mark.parametrize("compensated", [False, True])
 @pytest.mark.parametrize("offset", [-1e-3, -1e-6, -1e-7, 0, 1e-7, 1e-6, 1e-3])
-def test_tangent_ray(precision, wide, offset):
+def test_tangent_ray(precision, compensated, offset):
     """Stress 1: a hit or a miss, the same for the search and for shadows; the search has no gradient, see `test_trace`."""
     real, vector = TYPES[precision]
     for degrees in range(0, 360, 7):
@@ -53,11 +51,10 @@ def test_tangent_ray(precision, wide, offset):
         radius, d = real(1), vector(math.cos(direction), math.sin(direction), 0)
         side = vector(-math.sin(direction), math.cos(direction), 0)
         o = -3 * d + side * (1 + offset)
-        t, hit, _ = sphere_distance(Sphere("", "", vector(0), radius, wide), ray_of(o, d), dr.mask_t(radius)(False))
-        blocks = sphere_blocks(
-            ball(vector, (0, 0, 0), 1, wide), o, o + 6 * d, d, real(6), dr.mask_t(d.x)(False), dr.mask_t(d.x)(False)
-        )
-        assert hit.numpy() == blocks.numpy()
+        target, no = Sphere("", "", vector(0), radius, compensated), dr.mask_t(radius)(False)
+        t, hit, _ = target.distance(ray_of(o, d), no)
+        beyond = ShadowRay(o, d, real(6), o + 6 * d, dr.uint32_array_t(real)(NONE), no)
+        assert hit.numpy() == target.blocks(beyond, no).numpy()
         if abs(offset) > 10 * EPSILON[precision]:
             assert hit.numpy() == (offset < 0)
         if hit.numpy()[0]:
@@ -65,13 +62,13 @@ def test_tangent_ray(precision, wide, offset):
             assert t.numpy()[0] == pytest.approx(3, abs=math.sqrt(2 * abs(offset) + 20 * EPSILON[precision]))
 
 
-@pytest.mark.parametrize("wide", [False, True])
-def test_exactly_tangent_ray_is_the_same_to_search_and_shadow(precision, wide):
+@pytest.mark.parametrize("compensated", [False, True])
+def test_exactly_tangent_ray_is_the_same_to_search_and_shadow(precision, compensated):
     """Stress 1."""
     real, vector = TYPES[precision]
-    target, o, d, no = ball(vector, (0, 0, 0), 1, wide), vector(3, 1, 0), vector(-1, 0, 0), dr.mask_t(real)(False)
-    blocks = sphere_blocks(target, o, o + 6 * d, d, real(6), no, no)
-    assert meets(target, ray_of(o, d))[1] == blocks.numpy()
+    target, o, d, no = ball(vector, (0, 0, 0), 1, compensated), vector(3, 1, 0), vector(-1, 0, 0), dr.mask_t(real)(False)
+    beyond = ShadowRay(o, d, real(6), o + 6 * d, dr.uint32_array_t(real)(NONE), no)
+    assert meets(target, ray_of(o, d))[1] == target.blocks(beyond, no).numpy()
 
 
 @pytest.mark.parametrize("distance", [1e2, 1e3, 1e4])
@@ -103,9 +100,9 @@ def test_distance_to_a_distant_sphere(precision, distance):
     np.testing.assert_allclose(t, expected, rtol=0, atol=2 * EPSILON[precision] * distance)
 
 
-@pytest.mark.parametrize("wide", [False, True])
+@pytest.mark.parametrize("compensated", [False, True])
 @pytest.mark.parametrize("radius", [1e-4, 1e-2, 1, 1e2, 1e4])
-def test_leaving_ones_own_surface(precision, radius, wide):
+def test_leaving_ones_own_surface(precision, radius, compensated):
     """Stress 6: outward there is no hit at all, inward the other end of the chord, at -2 r d . n."""
     real, vector = TYPES[precision]
     rng = np.random.default_rng(6)
@@ -113,7 +110,7 @@ def test_leaving_ones_own_surface(precision, radius, wide):
     d = rng.normal(size=(3, 10000))
     n, d = n / np.linalg.norm(n, axis=0), d / np.linalg.norm(d, axis=0)
     center = np.array([0.3, -0.2, 0.5]) * radius
-    target = ball(vector, center, radius, wide)
+    target = ball(vector, center, radius, compensated)
     normal, direction = vector(*(real(c) for c in n)), vector(*(real(c) for c in d))
     o = normal * radius + target.center
     slope = np.sum(n * d, axis=0)
@@ -128,12 +125,12 @@ def test_leaving_ones_own_surface(precision, radius, wide):
     assert (t >= 0).all()
 
 
-@pytest.mark.parametrize("wide", [False, True])
+@pytest.mark.parametrize("compensated", [False, True])
 @pytest.mark.parametrize("radius", [1e-4, 0.5, 3, 1e4])
-def test_origin_at_the_center(precision, radius, wide):
+def test_origin_at_the_center(precision, radius, compensated):
     """Stress 7: every direction meets the sphere at its radius, from within."""
     vector = TYPES[precision][1]
-    target = ball(vector, (1, -2, 0.5), radius, wide)
+    target = ball(vector, (1, -2, 0.5), radius, compensated)
     rng = np.random.default_rng(7)
     d = dr.normalize(vector(*rng.normal(size=(3, 100))))
     t, hit, within = meets(target, ray_of(target.center + dr.zeros(vector, 100), d))
@@ -142,11 +139,11 @@ def test_origin_at_the_center(precision, radius, wide):
     np.testing.assert_allclose(t, radius, rtol=4 * EPSILON[precision])
 
 
-@pytest.mark.parametrize("wide", [False, True])
-def test_sphere_behind(precision, wide):
+@pytest.mark.parametrize("compensated", [False, True])
+def test_sphere_behind(precision, compensated):
     """Stress 7: a miss."""
     vector = TYPES[precision][1]
-    _, hit, _ = meets(ball(vector, (0, 0, 3), 1, wide), ray_of(vector(0.1, 0, 0), vector(0, 0, -1)))
+    _, hit, _ = meets(ball(vector, (0, 0, 3), 1, compensated), ray_of(vector(0.1, 0, 0), vector(0, 0, -1)))
     assert not hit.any()
 
 
@@ -163,10 +160,10 @@ def test_sphere_behind_has_no_gradient(load, precision):
         np.testing.assert_array_equal(dr.grad(value).numpy(), 0)
 
 
-@pytest.mark.parametrize("wide", [False, True])
-def test_ray_from_within(precision, wide):
+@pytest.mark.parametrize("compensated", [False, True])
+def test_ray_from_within(precision, compensated):
     vector = TYPES[precision][1]
-    t, hit, within = meets(ball(vector, (0, 0, 0), 2, wide), ray_of(vector(0, 0, 1.5), vector(0, 0, -1)))
+    t, hit, within = meets(ball(vector, (0, 0, 0), 2, compensated), ray_of(vector(0, 0, 1.5), vector(0, 0, -1)))
     assert (hit.all(), within.all()) == (True, True)
     np.testing.assert_allclose(t, 3.5, rtol=4 * EPSILON[precision])
 
@@ -174,20 +171,21 @@ def test_ray_from_within(precision, wide):
 def test_plane_in_front_behind_and_along(precision):
     real, vector = TYPES[precision]
     floor = Plane("", "", vector(0, 1, 0), real(1))
-    o = vector(0.3, 1, 0)
-    assert plane_distance(floor, ray_of(o, vector(0, -1, 0))).numpy() == 2
-    assert plane_distance(floor, ray_of(o, vector(0, 1, 0))).numpy() == -2
-    assert not np.isfinite(plane_distance(floor, ray_of(o, vector(1, 0, 0))).numpy())
+    o, no = vector(0.3, 1, 0), dr.mask_t(real)(False)
+    assert floor.distance(ray_of(o, vector(0, -1, 0)), no)[0].numpy() == 2
+    assert floor.distance(ray_of(o, vector(0, 1, 0)), no)[0].numpy() == -2
+    assert not np.isfinite(floor.distance(ray_of(o, vector(1, 0, 0)), no)[0].numpy())
 
 
 def test_plane_blocks_only_between_its_sides(precision):
     real, vector = TYPES[precision]
     floor = Plane("", "", vector(0, 1, 0), real(1))
     for a, b, expected in ((1, -3, True), (-3, 1, True), (1, 2, False), (-3, -2, False), (-1, 2, False), (1, -1, False)):
-        assert plane_blocks(floor, vector(0, a, 0), vector(5, b, 0)).numpy() == expected
+        ray = segment(vector(0, a, 0), vector(5, b, 0))
+        assert floor.blocks(ray, dr.mask_t(real)(False)).numpy() == expected
 
 
-@pytest.mark.parametrize("wide", [False, True])
+@pytest.mark.parametrize("compensated", [False, True])
 @pytest.mark.parametrize(
     ("start", "end", "expected"),
     [
@@ -201,12 +199,10 @@ def test_plane_blocks_only_between_its_sides(precision):
         ((0, 0.99, 3), (0, 0.99, -3), True),
     ],
 )
-def test_sphere_blocks(precision, wide, start, end, expected):
+def test_sphere_blocks(precision, compensated, start, end, expected):
     real, vector = TYPES[precision]
-    p, light = vector(*start), vector(*end)
-    distance = dr.norm(light - p)
-    no = dr.mask_t(real)(False)
-    assert sphere_blocks(ball(vector, (0, 0, 0), 1, wide), p, light, (light - p) / distance, distance, no, no).numpy() == expected
+    target, no = ball(vector, (0, 0, 0), 1, compensated), dr.mask_t(real)(False)
+    assert target.blocks(segment(vector(*start), vector(*end)), no).numpy() == expected
 
 
 def test_two_sum_loses_nothing(precision):
@@ -217,15 +213,15 @@ def test_two_sum_loses_nothing(precision):
     assert error.numpy()[0] == float(small.numpy()[0]) - (float(total.numpy()[0]) - 2.0**30)
 
 
-def test_level_of_a_wide_sphere_keeps_its_digits():
+def test_level_of_a_compensated_sphere_keeps_its_digits():
     """Stress 5: near the surface of a ball of radius 1e6, single precision's squares have a rounding of 65536."""
     vector = ad.Array3f
     heights = np.float32([0.25, 0.5, 3, -0.125])
     p = vector(np.float32([10, -3, 0.5, 40]), heights, np.float32([1, 2, 30, 4]))
     exact = [float(x) ** 2 + (float(y) + 1e6) ** 2 + float(z) ** 2 - 1e12 for x, y, z in p.numpy().T]
     # The last sum is rounded
-    np.testing.assert_allclose(level(ball(vector, (0, -1e6, 0), 1e6, wide=True), p).numpy(), exact, rtol=4e-7)
-    assert abs(level(ball(vector, (0, -1e6, 0), 1e6), p).numpy() - exact).max() > 1000
+    np.testing.assert_allclose(ball(vector, (0, -1e6, 0), 1e6, compensated=True).level(p).numpy(), exact, rtol=4e-7)
+    assert abs(ball(vector, (0, -1e6, 0), 1e6).level(p).numpy() - exact).max() > 1000
 
 
 def test_safe_normalize(precision):

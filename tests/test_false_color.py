@@ -5,7 +5,7 @@ import pytest
 from drjit.llvm import ad
 from PIL import Image, ImageDraw
 
-from whitted.diverging import BAR, LINE, MARGIN, NEGATIVE, PAPER, POSITIVE, write_diverging
+from whitted.files.false_color import BAR, LINE, MARGIN, NEGATIVE, PAPER, POSITIVE, write_diverging
 
 
 @pytest.fixture

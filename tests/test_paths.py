@@ -6,21 +6,23 @@ import pytest
 from drjit.llvm import ad
 from samples import SCENES
 
-from whitted.camera import image_ray
-from whitted.chain import Path, contrasted
-from whitted.trace import Limits, labelled_radiance
-from whitted.wavefront import prepare
+from whitted.edges.labels import labelled_radiance
+from whitted.edges.paths import Path, contrasted
+from whitted.sampling.differentiated import prepare
+from whitted.tracing.node import Limits
+from whitted.tracing.primary import image_ray
 
 SIDE = 24
 
 
 def looked(load, text, faint, path=None):
     """Radiance and labels of samples: what is contrasted below a path's node, or all."""
-    scene, camera = prepare(load(text), ad.Array2f64(SIDE, SIDE))
+    loaded = load(text)
+    scene, frame = prepare(loaded.structure, loaded.parameters(), ad.Array2f64(SIDE, SIDE))
     j, i = np.divmod(np.arange(SIDE**2), SIDE)
-    ray = image_ray(camera, ad.Array2f64(SIDE, SIDE), ad.Float64(i + 0.5), ad.Float64(j + 0.5))
-    least = None if scene.min_importance == 0 else ad.Float64(scene.min_importance)
-    limits = Limits(scene.max_depth, ad.UInt32(scene.max_depth), least, ad.Float64(faint))
+    ray = image_ray(frame, ad.Array2f64(SIDE, SIDE), ad.Float64(i + 0.5), ad.Float64(j + 0.5))
+    least = ad.Float64(loaded.min_importance) if loaded.min_importance else None
+    limits = Limits(loaded.max_depth, ad.UInt32(loaded.max_depth), least, ad.Float64(faint))
     color, label = contrasted(scene, ray, path, limits) if path else labelled_radiance(scene, ray, limits)
     return color.numpy(), label.numpy()
 

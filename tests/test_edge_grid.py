@@ -5,22 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from whitted.edges import (
-    Crossings,
-    Pairs,
-    band_samples,
-    beside,
-    crowded,
-    deposit,
-    fine_samples,
-    flips,
-    label_counts,
-    pairs_of,
-    stretches,
-    walk_order,
-)
-from whitted.quadrature import Stretch, nodes
-from whitted.region import HANDS, PACKET, dealt
+from whitted.core.host import PACKET
+from whitted.edges.grid import band_samples, fine_samples, label_counts, neighbours_across_edges
+from whitted.edges.pairs import Crossings, Pairs, interleaved, pairs_of, walk_order
+from whitted.edges.quadrature import Interval, intervals_beside, nodes, samples_beside
+from whitted.edges.refinement import crowded
+from whitted.edges.settings import SHARES
+from whitted.edges.tables import deposit
 
 # 2 x 2 pixels with a margin of one; the label changes between the second column and the third
 STEP = np.array([[1, 1, 2, 2]] * 4, np.uint32)
@@ -28,7 +19,7 @@ STEP = np.array([[1, 1, 2, 2]] * 4, np.uint32)
 
 def dense_pairs(labels, side=1, first_row=0) -> Pairs:
     samples = band_samples(labels, side, first_row)
-    return pairs_of(samples, *flips(samples))
+    return pairs_of(samples, *neighbours_across_edges(samples))
 
 
 def test_pairs_lie_across_a_vertical_edge():
@@ -63,7 +54,7 @@ def test_a_sample_between_two_edges_is_taken_whole(both):
     pixels = [[-1, 0], [-1, 2], [0, 1], [2, 3]]
     assert pairs.pixel.T.tolist() == pixels
     singular = np.array([both, both, True, True])
-    lines, pair, taken = stretches(edges_of(pairs, singular, 1.0), pairs, pairs.ends(np.flatnonzero(singular)))
+    lines, pair, taken = intervals_beside(edges_of(pairs, singular, 1.0), pairs, pairs.ends(np.flatnonzero(singular)))
     assert pairs.pixel.T[pair].tolist() == (pixels if both else pixels[2:])
     assert taken.T.tolist() == ([[0, 0.5]] * 2 + [[0.5, 1]] * 2 if both else [[1, 1]] * 2)
     assert lines.start.tolist() == ([-0.5] * 2 + [0] * 2 if both else [-0.5] * 2)
@@ -74,7 +65,7 @@ def test_a_sample_between_two_edges_is_taken_whole(both):
 def test_pairs_across_an_edge_take_what_pairs_along_it_leave(weight, taken):
     pairs = dense_pairs(STEP)
     every = np.ones(len(pairs), bool)
-    lines, _, parts = stretches(edges_of(pairs, every, weight), pairs, pairs.ends(np.arange(len(pairs))))
+    lines, _, parts = intervals_beside(edges_of(pairs, every, weight), pairs, pairs.ends(np.arange(len(pairs))))
     np.testing.assert_allclose(parts, taken, atol=1e-12)
     np.testing.assert_allclose(lines.weight, taken, atol=1e-12)
 
@@ -110,7 +101,7 @@ def test_pixels_with_three_labels_are_crowded():
     labels = np.array([[1, 1, 1, 1], [1, 2, 1, 1], [1, 1, 1, 1], [1, 1, 1, 1]], np.uint32)
     samples = band_samples(labels, 1, 0)
     # Four pairs surround pixel 0, of which its neighbours have one each
-    assert crowded(flips(samples)[2], 1).tolist() == [0]
+    assert crowded(neighbours_across_edges(samples)[2], 1).tolist() == [0]
 
 
 @pytest.mark.parametrize(("side", "pixels"), [(1, [3, 5]), (2, [3, 5, 7])])
@@ -144,7 +135,7 @@ def test_finer_samples_of_neighbours_are_traced_once(step, columns):
     labels = np.where(samples.pixel.take(samples.twin) == 5 + step, 2, 1).astype(np.uint32).reshape(2, 4, 4)
     labels[1] = [[2, 2, 2, 3]] * 4 if step == 1 else [[2] * 4] * 3 + [[3] * 4]
     samples = replace(samples, labels=labels)
-    pairs = pairs_of(samples, *flips(samples))
+    pairs = pairs_of(samples, *neighbours_across_edges(samples))
     assert sorted(pairs.pixel.T.tolist()) == [[5, 5 + step]] * 2 + [[5 + step, -1]] * 2
     assert set(pairs.sample[1][pairs.pixel[1] >= 0].tolist()) == ({21, 25} if step == 1 else {21, 22})
 
@@ -152,7 +143,7 @@ def test_finer_samples_of_neighbours_are_traced_once(step, columns):
 def test_finer_pairs_count_only_in_their_pixel():
     labels = np.array([[[1, 2, 2, 3]] * 4], np.uint32)
     samples = replace(fine_samples(np.array([5]), 2, 4, first_row=0)[0], labels=labels)
-    pairs = pairs_of(replace(samples, first=100), *flips(samples))
+    pairs = pairs_of(replace(samples, first=100), *neighbours_across_edges(samples))
     assert pairs.pixel.T.tolist() == [[-1, 5]] * 2 + [[5, -1]] * 2
     assert pairs.sample.T.tolist() == [[104, 105], [108, 109], [106, 107], [110, 111]]
     assert pairs.length.tolist() == [0.5] * 4
@@ -165,11 +156,11 @@ def test_values_of_one_pixel_add_up_and_those_of_none_are_dropped():
 
 
 def test_lanes_are_dealt_out_packet_by_packet():
-    order = np.arange(4 * HANDS * PACKET + 5)
-    lanes = dealt(order)
-    packets = lanes[:-5].reshape(HANDS, 4, PACKET)
+    order = np.arange(4 * SHARES * PACKET + 5)
+    lanes = interleaved(order)
+    packets = lanes[:-5].reshape(SHARES, 4, PACKET)
     # Each hand has packets from all parts of the order, in order; what is left over comes last
-    np.testing.assert_array_equal(packets[..., 0] // (HANDS * PACKET), [[0, 1, 2, 3]] * HANDS)
+    np.testing.assert_array_equal(packets[..., 0] // (SHARES * PACKET), [[0, 1, 2, 3]] * SHARES)
     assert (np.diff(packets) == 1).all()
     np.testing.assert_array_equal(np.sort(lanes), order)
     np.testing.assert_array_equal(lanes[-5:], order[-5:])
@@ -181,10 +172,10 @@ def test_walks_through_equal_trees_come_together():
     assert order.dtype == np.uint16
 
 
-def stretch(edge, rooted, length=0.5) -> Stretch:
+def interval(edge, rooted, length=0.5) -> Interval:
     """From the far end of the cell of a sample at (3, 2) to that of the one below it."""
     numbers = (3.0, 2.0, True, length, edge, -length / 2, 1.5 * length, rooted, 2.0)
-    return Stretch(*(np.array([number]) for number in numbers))
+    return Interval(*(np.array([number]) for number in numbers))
 
 
 @pytest.mark.parametrize("rooted", [True, False])
@@ -192,7 +183,7 @@ def stretch(edge, rooted, length=0.5) -> Stretch:
 @pytest.mark.parametrize("pieces", [1, 4])
 def test_samples_beside_an_edge_stand_for_both_cells(edge, rooted, pieces):
     """Each pixel's weights add up to its length, and all samples are on the line, on the side that they stand for."""
-    x, y, weight, in_b, behind = nodes(stretch(edge, rooted), pieces)
+    x, y, weight, in_b, behind = nodes(interval(edge, rooted), pieces)
     np.testing.assert_allclose([weight[~in_b].sum(), weight[in_b].sum()], 2 * 0.5)
     assert np.all(x == 3)
     assert np.array_equal(y > 2 + edge, behind)
@@ -203,7 +194,7 @@ def test_samples_beside_an_edge_stand_for_both_cells(edge, rooted, pieces):
 @pytest.mark.parametrize("pieces", [1, 4])
 def test_samples_beside_an_edge_integrate_the_square_root(rooted, pieces):
     """a + b sqrt(distance) + c distance on the one side, a line on the other, the edge midway (Gauss's rule is exact)."""
-    _, y, weight, _, behind = nodes(stretch(0.25, rooted), pieces)
+    _, y, weight, _, behind = nodes(interval(0.25, rooted), pieces)
     distance = abs(y - 2.25)
     seen = np.where(behind == rooted, 1 + 3 * np.sqrt(distance) + 5 * distance, 7 - 2 * distance)
     # Integrals from 0 to 1 / 2
@@ -212,9 +203,9 @@ def test_samples_beside_an_edge_integrate_the_square_root(rooted, pieces):
 
 
 def test_samples_beside_an_edge_count_for_the_pixel_that_they_are_in():
-    line = stretch(0.05, True)
+    line = interval(0.05, True)
     order = np.array([[10], [20]], np.uint16)
-    samples = beside(line, 1, np.array([[4], [-1]]), order)
+    samples = samples_beside(line, 1, np.array([[4], [-1]]), order)
     # The smooth side of a, and between the edge and the border, which is behind the edge
     assert samples.pixel.tolist() == [4, 4]
     assert samples.order.tolist() == [20, 10]
