@@ -1,8 +1,10 @@
-"""Accuracy of images with edges, and their cost: python benchmarks/boundary.py [pixels] [cost] [--scene NAME]
+"""Accuracy of images with edges, and their cost: python benchmarks/boundary.py [pixels] [cost]
+[--scene NAME]
 
-pixels: images with and without edges at some samples a pixel, single precision, against plain samples in double at 1024
-a pixel. cost: times on the yardstick's scene, in turns. Writes docs/pixels.png when no scene is left out, and else to the
-folder `out` (needs the `bench` extra). The errors of derivatives are those of gradients.py.
+pixels: images with and without edges at some samples a pixel, single precision, against plain
+samples in double at 1024 a pixel. cost: times on the yardstick's scene, in turns. Writes
+docs/pixels.png when no scene is left out, and else to the folder `out` (needs the `bench` extra).
+The errors of derivatives are those of gradients.py.
 """
 
 import argparse
@@ -22,11 +24,19 @@ SCENES = HERE.parent / "scenes"
 PLAIN, BOUNDARY = (1, 4, 16, 64, 256), (1, 4, 16)
 SPHERES = [f"spheres.sphere{k}.{field}" for k in range(3) for field in ("center", "radius")]
 MATERIALS = ["materials.mirror.ior", "materials.glass.ior", "materials.green.ior"]
-NAMES = [*SPHERES, *MATERIALS, "lights.light0.position", "lights.light0.intensity", "camera.position"]
+NAMES = [
+    *SPHERES,
+    *MATERIALS,
+    "lights.light0.position",
+    "lights.light0.intensity",
+    "camera.position",
+]
 
 
 def relative(image: np.ndarray, reference: np.ndarray) -> float:
-    """The error in the L2 norm; infinite where there should be nothing, NaN where there is nothing either."""
+    """The error in the L2 norm; infinite where there should be nothing, NaN where there is nothing
+    either.
+    """
     error, size = np.linalg.norm(image - reference), np.linalg.norm(reference)
     return error / size if size else (np.inf if error else np.nan)
 
@@ -44,7 +54,13 @@ def panels(names: list[str]):
 
     rows = -(-len(names) // 3)
     figure, grid = plt.subplots(
-        rows, min(3, len(names)), figsize=(14, 4 * rows), constrained_layout=True, sharex=True, sharey=True, squeeze=False
+        rows,
+        min(3, len(names)),
+        figsize=(14, 4 * rows),
+        constrained_layout=True,
+        sharex=True,
+        sharey=True,
+        squeeze=False,
     )
     for panel, name in zip(grid.flat, names, strict=False):
         panel.set(title=name, xscale="log", yscale="log")
@@ -67,25 +83,44 @@ def pixels(names: list[str], folder: Path) -> None:
     figure, axes = panels(names)
     print("pixels, 256 x 256: relative RMSE", flush=True)
     print(
-        f"{'scene':20}{'':10}" + "".join(f"{f'spp {n}':>10}" for n in PLAIN) + f"{'slope':>8}  boundary at n beats plain at 16 n"
+        f"{'scene':20}{'':10}"
+        + "".join(f"{f'spp {n}':>10}" for n in PLAIN)
+        + f"{'slope':>8}  boundary at n beats plain at 16 n"
     )
     for name in names:
 
-        def image(spp: int, boundary: bool, precision: str = "single", path: Path = SCENES / f"{name}.toml") -> np.ndarray:
+        def image(
+            spp: int,
+            boundary: bool,
+            precision: str = "single",
+            path: Path = SCENES / f"{name}.toml",
+        ) -> np.ndarray:
             scene = wt.load_scene(path, precision)
-            return wt.render(scene, spp, boundary=boundary, resolution=(256, 256)).numpy().astype(np.float64)
+            return (
+                wt.render(scene, spp, boundary=boundary, resolution=(256, 256))
+                .numpy()
+                .astype(np.float64)
+            )
 
         reference = image(1024, False, "double")
         errors = {
             "plain": {n: relative(image(n, False), reference) for n in PLAIN},
             "boundary": {n: relative(image(n, True), reference) for n in BOUNDARY},
         }
-        beats = [f"{n}: {'yes' if errors['boundary'][n] < errors['plain'][16 * n] else 'NO'}" for n in BOUNDARY]
+        beats = [
+            f"{n}: {'yes' if errors['boundary'][n] < errors['plain'][16 * n] else 'NO'}"
+            for n in BOUNDARY
+        ]
         for kind, marker in (("plain", "o-"), ("boundary", "s-")):
             spp, values = tuple(errors[kind]), list(errors[kind].values())
             steep = slope(spp, values)
-            cells = "".join(f"{value:10.5f}" for value in values) + " " * 10 * (len(PLAIN) - len(values))
-            print(f"{name:20}{kind:10}{cells}{steep:8.2f}  {', '.join(beats) if kind == 'boundary' else ''}", flush=True)
+            cells = "".join(f"{value:10.5f}" for value in values) + " " * 10 * (
+                len(PLAIN) - len(values)
+            )
+            print(
+                f"{name:20}{kind:10}{cells}{steep:8.2f}  {', '.join(beats) if kind == 'boundary' else ''}",
+                flush=True,
+            )
             axes[name].plot(spp, values, marker, label=f"{kind}, slope {steep:.2f}")
         axes[name].legend()
     axes[names[0]].set_ylabel("relative RMSE")
@@ -112,7 +147,9 @@ def calls() -> dict:
     def loop(boundary: bool):
         ours = changed()
         dr.enable_grad(ours)
-        dr.backward(dr.mean(dr.square(wt.render(scene.replace(ours), boundary=boundary) - 0.5), axis=None))
+        dr.backward(
+            dr.mean(dr.square(wt.render(scene.replace(ours), boundary=boundary) - 0.5), axis=None)
+        )
         return dr.grad(ours)
 
     return {
@@ -141,7 +178,10 @@ def cold() -> None:
     for name, call in calls().items():
         with timing.recorded() as kernels:
             clock(call)
-        print(f"{name:30}{kernels.compile_seconds:8.2f} s to compile {kernels.compiled} kernels", flush=True)
+        print(
+            f"{name:30}{kernels.compile_seconds:8.2f} s to compile {kernels.compiled} kernels",
+            flush=True,
+        )
 
 
 def kernels(call) -> None:
@@ -154,7 +194,9 @@ def kernels(call) -> None:
         history = [entry for entry in dr.kernel_history() if entry["type"] == dr.KernelType.JIT]
     print(f"{sum(entry['execution_time'] for entry in history):.1f} ms in {len(history)} kernels")
     for entry in sorted(history, key=lambda entry: -entry["execution_time"])[:10]:
-        print(f"    {entry['execution_time']:8.2f} ms, {entry['size']:>8} lanes, {entry['operation_count']:>6} operations")
+        print(
+            f"    {entry['execution_time']:8.2f} ms, {entry['size']:>8} lanes, {entry['operation_count']:>6} operations"
+        )
 
 
 def crossings(call) -> int:
@@ -190,7 +232,10 @@ def cost(rounds: int = 25) -> None:
     for name, value in middle.items():
         ratio = f"{value / middle['plain image']:6.2f} x plain image"
         allowed = f", allowed {bounds[name]}" if name in bounds else ""
-        print(f"{name:30}{value:8.2f} ms (fastest {min(times[name]):.2f}) {ratio}{allowed}", flush=True)
+        print(
+            f"{name:30}{value:8.2f} ms (fastest {min(times[name]):.2f}) {ratio}{allowed}",
+            flush=True,
+        )
     print(f"{crossings(turns['gradient loop with boundary'])} crossings found")
     for name in bounds:
         print(f"{name}: ", end="")
@@ -198,9 +243,13 @@ def cost(rounds: int = 25) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("parts", nargs="*", help="pixels, cost; both if none")
-    parser.add_argument("--scene", action="append", help="only this scene of the folder scenes; may be repeated")
+    parser.add_argument(
+        "--scene", action="append", help="only this scene of the folder scenes; may be repeated"
+    )
     arguments = parser.parse_args()
     parts = arguments.parts or ["pixels", "cost"]
     names = arguments.scene or sorted(path.stem for path in SCENES.glob("*.toml"))

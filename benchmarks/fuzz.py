@@ -1,8 +1,9 @@
 """Feed damaged files to `load_scene` and `read_image`, and count what comes of them.
 
-A file is either read or refused with a `SceneError`, `ValueError` or `OSError` of few lines; anything else is a
-failure: another exception, a process that ends, more than the time limit. Batches run in processes of their own, which
-note each input before they read it, so that none is lost. Inputs follow from the seed and their number alone.
+A file is either read or refused with a `SceneError`, `ValueError` or `OSError` of few lines;
+anything else is a failure: another exception, a process that ends, more than the time limit.
+Batches run in processes of their own, which note each input before they read it, so that none is
+lost. Inputs follow from the seed and their number alone.
 
     python benchmarks/fuzz.py [--inputs 20000] [--seed 0] [--keep FOLDER] [--only NUMBER]
 
@@ -31,9 +32,45 @@ BATCH = 1000
 LARGE = 500  # one input of so many is a large one
 
 VALUES = [
-    *("0", "-1", "1e400", "-1e308", "1e-320", "nan", "-inf", "9" * 400, "0x10", "1_000", "true", '""', '"x"', "[]", "{}"),
-    *("[1, 2]", "[1, 2, 3, 4]", "[[1], 2, 3]", "1979-05-27T07:32:00Z", "07:32:00", "'''a\nb'''", '"\\u0000"', '"\\U0010FFFF"'),
-    *("[nan, 0, 0]", "{ a = 1 }", "[{}]", "'é'", "[1e18, 1e18, 1e18]", "1e18", "1e-18", "257", "1048577", "[1048576, 1048576]"),
+    *(
+        "0",
+        "-1",
+        "1e400",
+        "-1e308",
+        "1e-320",
+        "nan",
+        "-inf",
+        "9" * 400,
+        "0x10",
+        "1_000",
+        "true",
+        '""',
+        '"x"',
+        "[]",
+        "{}",
+    ),
+    *(
+        "[1, 2]",
+        "[1, 2, 3, 4]",
+        "[[1], 2, 3]",
+        "1979-05-27T07:32:00Z",
+        "07:32:00",
+        "'''a\nb'''",
+        '"\\u0000"',
+        '"\\U0010FFFF"',
+    ),
+    *(
+        "[nan, 0, 0]",
+        "{ a = 1 }",
+        "[{}]",
+        "'é'",
+        "[1e18, 1e18, 1e18]",
+        "1e18",
+        "1e-18",
+        "257",
+        "1048577",
+        "[1048576, 1048576]",
+    ),
 ]
 
 
@@ -57,7 +94,10 @@ def _flipped(rng: np.random.Generator, data: bytes) -> bytes:
 
 def _overwritten(rng: np.random.Generator, data: bytes) -> bytes:
     """Four or eight bytes replaced by those of an extreme number."""
-    place, number = rng.integers(0, len(data) + 1), rng.choice(np.array([0, 1, -1, 1 << 31, (1 << 31) - 1, 1 << 62, -(1 << 62)]))
+    place, number = (
+        rng.integers(0, len(data) + 1),
+        rng.choice(np.array([0, 1, -1, 1 << 31, (1 << 31) - 1, 1 << 62, -(1 << 62)])),
+    )
     new = int(number).to_bytes(8, "little", signed=True)[: rng.choice([1, 4, 8])]
     return data[:place] + new + data[place + len(new) :]
 
@@ -117,7 +157,11 @@ def _word_replaced(rng: np.random.Generator, text: str) -> str:
     if not places:
         return text
     place, other = (places[i] for i in rng.integers(len(places), size=2))
-    new = other[0] if rng.random() < 0.7 else rng.choice(["", "a.b", '"a b"', "é", "__proto__", "camera.fov", '""', "-", "1"])
+    new = (
+        other[0]
+        if rng.random() < 0.7
+        else rng.choice(["", "a.b", '"a b"', "é", "__proto__", "camera.fov", '""', "-", "1"])
+    )
     return text[: place.start()] + str(new) + text[place.end() :]
 
 
@@ -157,10 +201,19 @@ def exr_input(rng: np.random.Generator, number: int) -> bytes:
     import OpenEXR
 
     shape = tuple(rng.integers(1, 20, 2))
-    kinds = [OpenEXR.NO_COMPRESSION, OpenEXR.ZIP_COMPRESSION, OpenEXR.ZIPS_COMPRESSION, OpenEXR.PIZ_COMPRESSION]
+    kinds = [
+        OpenEXR.NO_COMPRESSION,
+        OpenEXR.ZIP_COMPRESSION,
+        OpenEXR.ZIPS_COMPRESSION,
+        OpenEXR.PIZ_COMPRESSION,
+    ]
     kinds += [OpenEXR.RLE_COMPRESSION, OpenEXR.B44_COMPRESSION, OpenEXR.DWAA_COMPRESSION]
     layout = OpenEXR.scanlineimage if rng.random() < 0.7 else OpenEXR.tiledimage
-    header = {"type": layout, "compression": kinds[rng.integers(len(kinds))], "note": "x" * rng.integers(1, 40)}
+    header = {
+        "type": layout,
+        "compression": kinds[rng.integers(len(kinds))],
+        "note": "x" * rng.integers(1, 40),
+    }
     if layout == OpenEXR.tiledimage:
         header["tiles"] = OpenEXR.TileDescription()
     dtype = [np.float32, np.float16][rng.integers(2)]
@@ -174,10 +227,14 @@ def exr_input(rng: np.random.Generator, number: int) -> bytes:
 
 
 def png_input(rng: np.random.Generator, number: int) -> bytes:
-    """A PNG of some kind, damaged but for one in ten; half of the damaged ones have checksums that fit."""
+    """A PNG of some kind, damaged but for one in ten; half of the damaged ones have checksums that
+    fit.
+    """
     from PIL import Image
 
-    mode = ["RGB", "RGBA", "L", "LA", "P", "1", "I;16"][rng.choice(7, p=[0.5, 0.2, 0.06, 0.06, 0.06, 0.06, 0.06])]
+    mode = ["RGB", "RGBA", "L", "LA", "P", "1", "I;16"][
+        rng.choice(7, p=[0.5, 0.2, 0.06, 0.06, 0.06, 0.06, 0.06])
+    ]
     size = tuple(int(n) for n in rng.integers(1, 20, 2))
     image, file = Image.new(mode, size), io.BytesIO()
     if mode in ("RGB", "RGBA"):
@@ -215,19 +272,29 @@ def make(seed: int, number: int) -> tuple[str, bytes]:
 
 
 def outcome(path: Path) -> str:
-    """What reading a file comes to: "read", the name of an error that is allowed, or else "FAILURE" and why."""
+    """What reading a file comes to: "read", the name of an error that is allowed, or else "FAILURE"
+    and why.
+    """
     import whitted as wt
 
     try:
         if path.suffix == ".toml":
             scene = wt.load_scene(path)
             values = [np.ravel(value.numpy()) for value in scene.parameters().values()]
-            return "read" if np.isfinite(np.concatenate(values)).all() else "FAILURE: parameters that are not finite"
+            return (
+                "read"
+                if np.isfinite(np.concatenate(values)).all()
+                else "FAILURE: parameters that are not finite"
+            )
         image = wt.read_image(path)
         return "read" if image.shape[2:] == (3,) else f"FAILURE: an image of shape {image.shape}"
     except wt.SceneError as error:
         lines = str(error).split("\n")
-        return "SceneError" if all(line.startswith(str(path)) for line in lines) else f"FAILURE: {str(error)[:200]!r}"
+        return (
+            "SceneError"
+            if all(line.startswith(str(path)) for line in lines)
+            else f"FAILURE: {str(error)[:200]!r}"
+        )
     except (ValueError, OSError) as error:
         # Those of Python itself, such as UnicodeDecodeError, tell a user nothing
         known = type(error) is ValueError and str(path) in str(error) and "\n" not in str(error)
@@ -237,7 +304,9 @@ def outcome(path: Path) -> str:
 
 
 def batch(seed: int, first: int, last: int, folder: Path) -> None:
-    """Read some inputs; a line for each goes to standard output, one half before and one half after."""
+    """Read some inputs; a line for each goes to standard output, one half before and one half
+    after.
+    """
     import whitted  # noqa: F401  (before its address space is limited, as LLVM takes much of it)
 
     # OpenEXR prints what it thinks of a file
@@ -251,27 +320,41 @@ def batch(seed: int, first: int, last: int, folder: Path) -> None:
         print(number, path.name, end=" ", flush=True, file=out)
         start = time.perf_counter()
         result = outcome(path)
-        if [entry for entry in folder.iterdir() if entry != path and not entry.name.startswith("kept-")]:
+        if [
+            entry
+            for entry in folder.iterdir()
+            if entry != path and not entry.name.startswith("kept-")
+        ]:
             result = "FAILURE: left another file"
-        print(f"{time.perf_counter() - start:.3f} {result}".replace("\n", " "), flush=True, file=out)
+        print(
+            f"{time.perf_counter() - start:.3f} {result}".replace("\n", " "), flush=True, file=out
+        )
         path.rename(folder / f"kept-{path.name}") if result.startswith("FAILURE") else path.unlink()
 
 
 def results(seed: int, inputs: int, folder: Path) -> Iterator[tuple[str, float, str]]:
-    """Name, seconds and outcome of every input; a batch whose process ended goes on behind the one that ended it."""
+    """Name, seconds and outcome of every input; a batch whose process ended goes on behind the one
+    that ended it.
+    """
     first = 0
     while first < inputs:
         last = min(first + BATCH, inputs)
         for line in _lines(seed, first, last, folder):
             number, name, *rest = line.split(" ", 3)
-            yield (name, float(rest[0]), rest[1].strip()) if len(rest) > 1 else (name, SECONDS, "FAILURE: the process ended")
+            yield (
+                (name, float(rest[0]), rest[1].strip())
+                if len(rest) > 1
+                else (name, SECONDS, "FAILURE: the process ended")
+            )
             first = int(number) + 1
 
 
 def _lines(seed: int, first: int, last: int, folder: Path) -> Iterator[str]:
     arguments = ["--seed", str(seed), "--batch", str(first), str(last), "--keep", str(folder)]
     command = [sys.executable, __file__, *arguments]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, bufsize=0) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, bufsize=0
+    ) as process:
         yield from _watched(process)
     for path in folder.glob(f"[!k]*{first}*"):
         path.rename(folder / f"kept-{path.name}")
@@ -295,10 +378,14 @@ def _watched(process: subprocess.Popen) -> Iterator[str]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--inputs", type=int, default=20_000)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--keep", type=Path, help="folder for inputs that fail [default: a new one]")
+    parser.add_argument(
+        "--keep", type=Path, help="folder for inputs that fail [default: a new one]"
+    )
     parser.add_argument("--only", type=int, help="write this input alone to standard output")
     parser.add_argument("--batch", type=int, nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -324,8 +411,13 @@ def report(found: Iterator[tuple[str, float, str]], folder: Path) -> int:
             failures += 1
             print(f"{name}: {result} ({seconds:.1f} s)", flush=True)
     for kind, counter in sorted(counts.items()):
-        print(f"{kind}: {sum(counter.values())} inputs: {', '.join(f'{n} {result}' for result, n in counter.most_common())}")
-    print(f"slowest: {slowest[1]}, {slowest[0]:.2f} s; failures: {failures}" + (f", kept in {folder}" if failures else ""))
+        print(
+            f"{kind}: {sum(counter.values())} inputs: {', '.join(f'{n} {result}' for result, n in counter.most_common())}"
+        )
+    print(
+        f"slowest: {slowest[1]}, {slowest[0]:.2f} s; failures: {failures}"
+        + (f", kept in {folder}" if failures else "")
+    )
     return int(failures > 0)
 
 

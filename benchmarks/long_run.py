@@ -1,7 +1,8 @@
 """Run for long: many renders and many steps of an optimisation, and what they leave behind.
 
-Prints the growth of the process's memory after warming up, the kernels that were compiled meanwhile, and whether the
-last result is the first one again. Exit status 1 where memory grew by 20 MiB, anything was compiled, or a result differs.
+Prints the growth of the process's memory after warming up, the kernels that were compiled
+meanwhile, and whether the last result is the first one again. Exit status 1 where memory grew by 20
+MiB, anything was compiled, or a result differs.
 
     python benchmarks/long_run.py [--renders 10000] [--steps 2000]
 """
@@ -16,9 +17,9 @@ from pathlib import Path
 import drjit as dr
 import numpy as np
 from drjit.opt import Adam
+from whitted.timing import recorded
 
 import whitted as wt
-from whitted.timing import recorded
 
 SCENE = Path(__file__).parent.parent / "scenes" / "three_mixed.toml"
 SIZE = (16, 16)
@@ -46,7 +47,9 @@ def renderer(scene: wt.Scene) -> Callable[[int], np.ndarray]:
 
 
 def optimiser(scene: wt.Scene) -> Callable[[int], np.ndarray]:
-    """A function that takes a step towards an image, begun anew every hundred steps, and returns the gradients."""
+    """A function that takes a step towards an image, begun anew every hundred steps, and returns
+    the gradients.
+    """
     name = f"spheres.{scene.spheres[0].name}.center"
     target = wt.render(scene, resolution=SIZE)
     first = scene.parameters(name)[name] + 0.05
@@ -82,18 +85,26 @@ def run(name: str, function: Callable[[int], np.ndarray], rounds: int) -> bool:
     last = function(0)
     # Sums of a gradient over pixels may be added in another order
     error = abs(last - first).max() / abs(first).max()
-    print(f"{name}: {rounds} in {seconds:.0f} s, memory {before:.0f} MiB and {growth:+.1f}, {compiled} compiled,", end=" ")
+    print(
+        f"{name}: {rounds} in {seconds:.0f} s, memory {before:.0f} MiB and {growth:+.1f}, {compiled} compiled,",
+        end=" ",
+    )
     print(f"last differs from first by {error:.1e}", flush=True)
     return growth < 20 and compiled == 0 and error <= 1e-6
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--renders", type=int, default=10_000)
     parser.add_argument("--steps", type=int, default=2000)
     options = parser.parse_args()
     scene = wt.load_scene(SCENE)
-    well = [run("renders", renderer(scene), options.renders), run("steps", optimiser(scene), options.steps)]
+    well = [
+        run("renders", renderer(scene), options.renders),
+        run("steps", optimiser(scene), options.steps),
+    ]
     return int(not all(well))
 
 

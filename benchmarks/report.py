@@ -1,8 +1,9 @@
-"""The three tables of the report that this project implements, its seconds beside ours: python benchmarks/report.py [-o DIR]
+"""The three tables of the report that this project implements, its seconds beside ours: python
+benchmarks/report.py [-o DIR]
 
-The report's renderer ran on an Intel i7-3610M; ours on this machine. Ours is warm and in single precision, at one
-sample a pixel, the median of several whole calls; the first call's compile time stands apart. Writes report.csv and
-report.png (needs the `bench` extra).
+The report's renderer ran on an Intel i7-3610M; ours on this machine. Ours is warm and in single
+precision, at one sample a pixel, the median of several whole calls; the first call's compile time
+stands apart. Writes report.csv and report.png (needs the `bench` extra).
 """
 
 import argparse
@@ -49,8 +50,17 @@ def rows() -> list[dict]:
     table = []
     for name, value, scene, size, depth, seconds in cases:
         compiled, ours = measure(scene, size, depth)
-        row = {"table": name, "value": value, "report_s": seconds, "ours_s": ours, "compile_s": compiled, "ratio": seconds / ours}
-        print(f"{name:12}{value!s:>8}{seconds:10} s{ours:12.4f} s{compiled:10.2f} s{row['ratio']:10.0f} x")
+        row = {
+            "table": name,
+            "value": value,
+            "report_s": seconds,
+            "ours_s": ours,
+            "compile_s": compiled,
+            "ratio": seconds / ours,
+        }
+        print(
+            f"{name:12}{value!s:>8}{seconds:10} s{ours:12.4f} s{compiled:10.2f} s{row['ratio']:10.0f} x"
+        )
         table.append(row)
     return table
 
@@ -78,8 +88,16 @@ def plot(table: list[dict], path: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path, default=Path("out"), help="folder for report.csv and report.png")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path("out"),
+        help="folder for report.csv and report.png",
+    )
     folder = parser.parse_args().output
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as cache:

@@ -1,8 +1,9 @@
 """Speed against the yardstick, cold and warm starts, and scaling: python benchmarks/speed.py
 
-Every ratio is of calls that take turns in one run. The yardstick (yardstick.py) is the smallest Dr.Jit kernel that
-does the same work on the same scene, an unrolled tree of rays in frozen functions. Times are of the whole call, with
-synchronisation, after all kernels are compiled, unless a line says otherwise.
+Every ratio is of calls that take turns in one run. The yardstick (yardstick.py) is the smallest
+Dr.Jit kernel that does the same work on the same scene, an unrolled tree of rays in frozen
+functions. Times are of the whole call, with synchronisation, after all kernels are compiled, unless
+a line says otherwise.
 """
 
 import os
@@ -73,11 +74,17 @@ def against_yardstick(rounds: int = 40) -> None:
             times[name].append(clock(call))
     middle = {name: statistics.median(values[5:]) for name, values in times.items()}
     for name, values in times.items():
-        print(f"{name:22}{middle[name]:8.2f} ms   (fastest {min(values):.2f}, first call, which compiles, {values[0]:.0f})")
+        print(
+            f"{name:22}{middle[name]:8.2f} ms   (fastest {min(values):.2f}, first call, which compiles, {values[0]:.0f})"
+        )
     bound = 1.3 * middle["yardstick, image"] + 1
-    print(f"image:    {middle['ours, image']:.2f} ms, allowed 1.3 x yardstick + 1 ms = {bound:.2f} ms")
+    print(
+        f"image:    {middle['ours, image']:.2f} ms, allowed 1.3 x yardstick + 1 ms = {bound:.2f} ms"
+    )
     bound = 1.3 * (middle["yardstick, image"] + middle["yardstick, gradient"]) + 2
-    print(f"gradient: {middle['ours, gradient loop']:.2f} ms, allowed 1.3 x both yardsticks + 2 ms = {bound:.2f} ms")
+    print(
+        f"gradient: {middle['ours, gradient loop']:.2f} ms, allowed 1.3 x both yardsticks + 2 ms = {bound:.2f} ms"
+    )
 
 
 def steps_of_a_fit(count: int = 200) -> None:
@@ -86,10 +93,18 @@ def steps_of_a_fit(count: int = 200) -> None:
 
     import whitted as wt
 
-    cornell, options = wt.load_scene(HERE.parent / "scenes" / "cornell.toml"), {"resolution": (256, 256), "max_depth": 5}
+    cornell, options = (
+        wt.load_scene(HERE.parent / "scenes" / "cornell.toml"),
+        {"resolution": (256, 256), "max_depth": 5},
+    )
     # No residual is 0, which would save its pixel's derivatives
     target = wt.render(cornell, **options) * 0.9 + 0.03
-    optimiser = dr.opt.Adam(1e-6, params=cornell.parameters("spheres.ball.center", "spheres.ball.radius", "materials.glass.ior"))
+    optimiser = dr.opt.Adam(
+        1e-6,
+        params=cornell.parameters(
+            "spheres.ball.center", "spheres.ball.radius", "materials.glass.ior"
+        ),
+    )
 
     def step():
         image = wt.render(cornell.replace(optimiser), **options)
@@ -117,10 +132,21 @@ def starts() -> None:
     """Seconds from the start of a process to its first image and first gradient."""
     with tempfile.TemporaryDirectory() as cache:
         for name in ("cold", "warm"):
-            command = [sys.executable, "-c", COLD, str(time.time()), str(HERE / "yardstick.toml"), *NAMES]
+            command = [
+                sys.executable,
+                "-c",
+                COLD,
+                str(time.time()),
+                str(HERE / "yardstick.toml"),
+                *NAMES,
+            ]
             environment = {**os.environ, "DRJIT_CACHE_DIR": cache}
-            image, gradient = subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout.split()
-            print(f"{name} cache: first image after {float(image):.2f} s, first gradient after {float(gradient):.2f} s")
+            image, gradient = subprocess.run(
+                command, env=environment, check=True, capture_output=True, text=True
+            ).stdout.split()
+            print(
+                f"{name} cache: first image after {float(image):.2f} s, first gradient after {float(gradient):.2f} s"
+            )
 
 
 def scaling() -> None:
@@ -138,7 +164,9 @@ def scaling() -> None:
     def measure(label: str, scene, per: float, **options) -> None:
         with timing.recorded() as first:
             wt.render(scene, boundary=False, **options)
-        warm = statistics.median(clock(lambda: wt.render(scene, boundary=False, **options)) for _ in range(9))
+        warm = statistics.median(
+            clock(lambda: wt.render(scene, boundary=False, **options)) for _ in range(9)
+        )
         print(f"{label:12}{warm:10.2f} ms {warm / per:12.3f} {first.compile_seconds:10.2f} s")
 
     print("width               warm   ns a pixel    compile")

@@ -1,4 +1,6 @@
-"""What all examples share: arguments, and a fit with our gradients beside one with plain automatic differentiation."""
+"""What all examples share: arguments, and a fit with our gradients beside one with plain automatic
+differentiation.
+"""
 
 import argparse
 import warnings
@@ -14,15 +16,29 @@ SCENES = HERE.parent / "scenes"
 
 def arguments(description: str) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("--size", type=int, default=192, help="pixels along a side of the square pictures")
-    parser.add_argument("-o", "--output", type=Path, default=Path("out"), help="folder for pictures")
+    parser.add_argument(
+        "--size", type=int, default=192, help="pixels along a side of the square pictures"
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("out"), help="folder for pictures"
+    )
     return parser.parse_args()
 
 
-def recover(title: str, truth: wt.Scene, start: dict, size: int, folder: Path, target=None, plain: bool = True, **options):
+def recover(
+    title: str,
+    truth: wt.Scene,
+    start: dict,
+    size: int,
+    folder: Path,
+    target=None,
+    plain: bool = True,
+    **options,
+):
     """Fit from a start, print what was true, where it began and what was found, and write pictures.
 
-    Plain differentiation gets the same number of iterations at each resolution, and stops where it finds no better step.
+    Plain differentiation gets the same number of iterations at each resolution, and stops where it
+    finds no better step.
 
     Returns:
         Our result, and that of plain differentiation.
@@ -36,9 +52,14 @@ def recover(title: str, truth: wt.Scene, start: dict, size: int, folder: Path, t
         with warnings.catch_warnings():
             # That it sees no dependence is what the table shows
             warnings.simplefilter("ignore")
-            theirs = wt.fit(scene, target, wrt=list(start), resolution=resolution, boundary=False, **options)
+            theirs = wt.fit(
+                scene, target, wrt=list(start), resolution=resolution, boundary=False, **options
+            )
     print(f"\n{title}\n{'':28}{'true':>11}{'start':>11}{'found':>12}{'+-':>10}{'plain AD':>12}")
-    right, began = numbers(truth, start), np.concatenate([np.ravel(value) for value in start.values()])
+    right, began = (
+        numbers(truth, start),
+        np.concatenate([np.ravel(value) for value in start.values()]),
+    )
     other = numbers(theirs.scene, start) if theirs else np.full(len(right), np.nan)
     for (label, value, deviation), a, b, c in zip(ours.numbers(), right, began, other, strict=True):
         print(f"{label:28}{a:11.5f}{b:11.5f}{value:12.6f}{deviation:10.1e}{c:12.6f}")

@@ -8,7 +8,8 @@ if __name__ == "__main__":
     asked = arguments(__doc__)
     truth = wt.load_scene(SCENES / "cornell.toml")
     for start in (1.2, 1.9):
-        # Other indices than the true one make pictures that none near them betters, hence several starts
+        # Other indices than the true one make pictures that none near them betters, hence several
+        # starts
         bounds = {"materials.glass.ior": (1.05, 2.2)}
         recover(
             f"Index of glass from {start}",

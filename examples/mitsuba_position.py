@@ -1,7 +1,9 @@
-"""The matte ball's position by Mitsuba 3's own gradients, `prb` and `prb_projective`, beside ours; needs the extra `mitsuba`.
+"""The matte ball's position by Mitsuba 3's own gradients, `prb` and `prb_projective`, beside ours;
+needs the extra `mitsuba`.
 
-All start at the same place, and take as many steps of Adam at the same rate; Mitsuba's target is its own picture. The last
-takes minutes, and would take hours with its guiding of samples towards edges.
+All start at the same place, and take as many steps of Adam at the same rate; Mitsuba's target is
+its own picture. The last takes minutes, and would take hours with its guiding of samples towards
+edges.
 """
 
 import drjit as dr
@@ -24,7 +26,9 @@ def theirs(size: int, integrator: str) -> np.ndarray:
     moved = description(size, glass=False)
     moved["matte"] |= {"center": [0, 0, 0], "radius": 1}
     moved["matte"]["to_world"] = mi.ScalarTransform4f().translate(START.tolist()).scale(0.6)
-    moved["integrator"] = {"type": integrator, "max_depth": 8} | ({"guiding": "none"} if integrator == "prb_projective" else {})
+    moved["integrator"] = {"type": integrator, "max_depth": 8} | (
+        {"guiding": "none"} if integrator == "prb_projective" else {}
+    )
     scene = mi.load_dict(moved)
     parameters = mi.traverse(scene)
     optimiser = mi.ad.Adam(lr=RATE)
@@ -53,7 +57,12 @@ def ours(size: int) -> np.ndarray:
 
 if __name__ == "__main__":
     asked = arguments(__doc__)
-    print(f"{'':16}{'x':>9}{'y':>9}{'z':>9}   distance to the truth; at the start {np.linalg.norm(START - TRUE):.4f}")
+    print(
+        f"{'':16}{'x':>9}{'y':>9}{'z':>9}   distance to the truth; at the start {np.linalg.norm(START - TRUE):.4f}"
+    )
     for name in ("ours", "prb", "prb_projective"):
         place = ours(asked.size) if name == "ours" else theirs(asked.size, name)
-        print(f"{name:16}{place[0]:9.4f}{place[1]:9.4f}{place[2]:9.4f}   {np.linalg.norm(place - TRUE):.4f}", flush=True)
+        print(
+            f"{name:16}{place[0]:9.4f}{place[1]:9.4f}{place[2]:9.4f}   {np.linalg.norm(place - TRUE):.4f}",
+            flush=True,
+        )

@@ -1,10 +1,11 @@
-"""A picture that another renderer made: position of a matte ball, and index of a glass ball, from Mitsuba 3's pictures.
+"""A picture that another renderer made: position of a matte ball, and index of a glass ball, from
+Mitsuba 3's pictures.
 
-Needs the extra `mitsuba`. What differs, and what is done about it:
-- Mitsuba's point light falls off with the squared distance: `falloff = "inverse-square"`.
-- Its matte surfaces reflect albedo / pi, and exposures differ: `gain=True` fits the brightness of each channel.
-- Its paths go on between matte surfaces, which lights shadows a little: `ambient` is fitted along.
-- Glass throws a full shadow in both, as a point light is not seen through an ideal surface by either.
+Needs the extra `mitsuba`. What differs, and what is done about it: - Mitsuba's point light falls
+off with the squared distance: `falloff = "inverse-square"`. - Its matte surfaces reflect albedo /
+pi, and exposures differ: `gain=True` fits the brightness of each channel. - Its paths go on between
+matte surfaces, which lights shadows a little: `ambient` is fitted along. - Glass throws a full
+shadow in both, as a point light is not seen through an ideal surface by either.
 """
 
 import math
@@ -23,7 +24,10 @@ def description(size: int, glass: bool) -> dict:
 
     look = mi.ScalarTransform4f().look_at(origin=[0, 1.5, 5], target=[0, 0, 0], up=[0, 1, 0])
     wide = mi.ScalarTransform4f().translate([0, -1, 0]).rotate([1, 0, 0], -90).scale(50)
-    floor, matte = ({"type": "diffuse", "reflectance": {"type": "rgb", "value": color}} for color in (FLOOR, BALL))
+    floor, matte = (
+        {"type": "diffuse", "reflectance": {"type": "rgb", "value": color}}
+        for color in (FLOOR, BALL)
+    )
     scene = {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": 8},
@@ -34,7 +38,11 @@ def description(size: int, glass: bool) -> dict:
             "film": {"type": "hdrfilm", "width": size, "height": size, "rfilter": {"type": "box"}},
             "sampler": {"type": "multijitter", "sample_count": 256},
         },
-        "light": {"type": "point", "position": [2, 4, 3], "intensity": {"type": "rgb", "value": [20 * math.pi] * 3}},
+        "light": {
+            "type": "point",
+            "position": [2, 4, 3],
+            "intensity": {"type": "rgb", "value": [20 * math.pi] * 3},
+        },
         "floor": {"type": "rectangle", "to_world": wide, "bsdf": floor},
         "matte": {"type": "sphere", "center": [0.9, -0.4, -0.6], "radius": 0.6, "bsdf": matte},
     }
@@ -64,4 +72,12 @@ if __name__ == "__main__":
         if glass:
             start |= {"materials.glass.ior": 1.4}
         title = "Foreign glass" if glass else "Foreign matte"
-        recover(title, truth, start, asked.size, asked.output, target=picture(asked.size, glass), gain=True)
+        recover(
+            title,
+            truth,
+            start,
+            asked.size,
+            asked.output,
+            target=picture(asked.size, glass),
+            gain=True,
+        )

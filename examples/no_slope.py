@@ -1,4 +1,6 @@
-"""Where a fit fails: a start from which the loss has no slope towards the target, and what several starts do about it."""
+"""Where a fit fails: a start from which the loss has no slope towards the target, and what several
+starts do about it.
+"""
 
 from common import HERE, arguments, recover
 
@@ -10,7 +12,32 @@ if __name__ == "__main__":
     start = {"spheres.ball.center": [-1.2, -0.9, 0.0]}
     bounds = {"spheres.ball.center": (-2.0, 2.0)}
     # The ball and its target do not overlap: moving it a little changes nothing of that
-    recover("No overlap, one start", truth, start, asked.size, asked.output, bounds=bounds, levels=1, plain=False)
+    recover(
+        "No overlap, one start",
+        truth,
+        start,
+        asked.size,
+        asked.output,
+        bounds=bounds,
+        levels=1,
+        plain=False,
+    )
     # In a coarse picture pixels are wide, but not as wide as the gap
-    recover("No overlap, coarse to fine", truth, start, asked.size, asked.output, bounds=bounds, plain=False)
-    recover("No overlap, several starts", truth, start, asked.size, asked.output, bounds=bounds, starts=24)
+    recover(
+        "No overlap, coarse to fine",
+        truth,
+        start,
+        asked.size,
+        asked.output,
+        bounds=bounds,
+        plain=False,
+    )
+    recover(
+        "No overlap, several starts",
+        truth,
+        start,
+        asked.size,
+        asked.output,
+        bounds=bounds,
+        starts=24,
+    )

@@ -16,4 +16,7 @@ if __name__ == "__main__":
         title = f"Noise of {percent} percent"
         result, _ = recover(title, truth, start, asked.size, asked.output, target=noisy)
         found = np.array([(value, deviation) for _, value, deviation in result.numbers()])
-        print("errors in standard deviations:", np.round((found[:, 0] - numbers(truth, start)) / found[:, 1], 2))
+        print(
+            "errors in standard deviations:",
+            np.round((found[:, 0] - numbers(truth, start)) / found[:, 1], 2),
+        )

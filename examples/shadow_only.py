@@ -7,4 +7,10 @@ import whitted as wt
 if __name__ == "__main__":
     asked = arguments(__doc__)
     truth = wt.load_scene(HERE / "shadow_only.toml")
-    recover("Ball by its shadow", truth, {"spheres.ball.center": [0.1, 2.8, -0.4]}, asked.size, asked.output)
+    recover(
+        "Ball by its shadow",
+        truth,
+        {"spheres.ball.center": [0.1, 2.8, -0.4]},
+        asked.size,
+        asked.output,
+    )

@@ -1,7 +1,9 @@
-"""A gradient checker: forward mode against central differences, and reverse mode against forward mode.
+"""A gradient checker: forward mode against central differences, and reverse mode against forward
+mode.
 
-Central differences are taken in float64. They see jumps, which derivatives of samples leave out, so that a number of
-the image counts only where the differences to both sides agree: no edge has crossed its sample in between.
+Central differences are taken in float64. They see jumps, which derivatives of samples leave out, so
+that a number of the image counts only where the differences to both sides agree: no edge has
+crossed its sample in between.
 """
 
 from dataclasses import dataclass
@@ -28,7 +30,10 @@ class Comparison:
 def directions(values, seed=0):
     """A random tangent for each parameter: name to array of the parameter's shape."""
     rng = np.random.default_rng(seed)
-    return {name: rng.uniform(0.5, 1, np.shape(value.numpy())) * rng.choice([-1, 1]) for name, value in values.items()}
+    return {
+        name: rng.uniform(0.5, 1, np.shape(value.numpy())) * rng.choice([-1, 1])
+        for name, value in values.items()
+    }
 
 
 def as_type(array, numbers):
@@ -65,13 +70,19 @@ def compare(function, values, tangents, step=1e-5):
     """
 
     def at(t):
-        moved = {name: as_type(value, np.ravel(value.numpy()) + t * np.ravel(tangents[name])) for name, value in values.items()}
+        moved = {
+            name: as_type(value, np.ravel(value.numpy()) + t * np.ravel(tangents[name]))
+            for name, value in values.items()
+        }
         return function(moved).numpy()
 
     center, right, left, far_right, far_left = (at(k * step) for k in (0, 1, -1, 2, -2))
     differences = (8 * (right - left) - (far_right - far_left)) / (12 * step)
-    # A jump is of the size of radiance, a kink of the size of its slope: both are far above what curvature does
-    bend = abs(np.stack([right - 2 * center + left, far_right - 2 * center + far_left])).max(0) / step
+    # A jump is of the size of radiance, a kink of the size of its slope: both are far above what
+    # curvature does
+    bend = (
+        abs(np.stack([right - 2 * center + left, far_right - 2 * center + far_left])).max(0) / step
+    )
     smooth = bend <= 1e-2 * (abs(differences) + 1)
     return Comparison(jvp(function, values, tangents), differences, smooth)
 
@@ -87,7 +98,8 @@ def adjoint_error(function, values, tangents, seed=0):
 
 
 def image_difference(function, values, tangents, step=2e-5):
-    """Central differences of a whole image, edges and all, and their own error: how far those of twice the step are away.
+    """Central differences of a whole image, edges and all, and their own error: how far those of
+    twice the step are away.
 
     Returns:
         The differences, and the error relative to their norm.
@@ -95,7 +107,12 @@ def image_difference(function, values, tangents, step=2e-5):
 
     def slope(h):
         right, left = (
-            function({name: as_type(v, np.ravel(v.numpy()) + t * np.ravel(tangents[name])) for name, v in values.items()})
+            function(
+                {
+                    name: as_type(v, np.ravel(v.numpy()) + t * np.ravel(tangents[name]))
+                    for name, v in values.items()
+                }
+            )
             for t in (h, -h)
         )
         return (right.numpy() - left.numpy()) / (2 * h)

@@ -1,7 +1,8 @@
 """Random legal scenes of a few shapes, as numbers: scenes of one shape share their kernels.
 
-A scene is a dictionary from the name of a parameter to NumPy numbers, which `Shape.scene` makes a scene of. Every
-sphere has a material of its own, so that spheres can change places without a kernel of their own.
+A scene is a dictionary from the name of a parameter to NumPy numbers, which `Shape.scene` makes a
+scene of. Every sphere has a material of its own, so that spheres can change places without a kernel
+of their own.
 """
 
 from dataclasses import dataclass, replace
@@ -36,7 +37,10 @@ class Shape:
                 *(f"[materials.m{i}]\nfresnel = {flag}" for i, flag in enumerate(flags)),
                 *(sphere([float(i), 0, 0], 0.3, f"m{i}") for i in range(self.spheres)),
                 *(plane([0, 1, 0], 2 + i, f"m{self.spheres + i}") for i in range(self.planes)),
-                *(f"[[lights]]\nposition = [1, 2, {i}]\n{LIGHT.format(self.falloff(i))}" for i in range(self.lights)),
+                *(
+                    f"[[lights]]\nposition = [1, 2, {i}]\n{LIGHT.format(self.falloff(i))}"
+                    for i in range(self.lights)
+                ),
             ]
         )
 
@@ -65,15 +69,21 @@ def scene_of(loaded, numbers):
 
 
 def random_numbers(shape, seed, beside=0.0):
-    """Anything legal: spheres in each other's way, of radii from 1e-3 to 1e3, and lights and the camera anywhere.
+    """Anything legal: spheres in each other's way, of radii from 1e-3 to 1e3, and lights and the
+    camera anywhere.
 
     Args:
-        beside: how far those that are on a surface are off it, relative to its radius; a rounding decides where 0 is.
+        beside: how far those that are on a surface are off it, relative to its radius; a rounding
+            decides where 0 is.
     """
     rng = np.random.default_rng(seed)
     wild = rng.random() < 0.3
     extent = 10 ** rng.uniform(-2, 2)
-    radii = 10 ** (rng.uniform(-3, 3, shape.spheres) if wild else rng.uniform(-1.5, 0, shape.spheres) + np.log10(extent))
+    radii = 10 ** (
+        rng.uniform(-3, 3, shape.spheres)
+        if wild
+        else rng.uniform(-1.5, 0, shape.spheres) + np.log10(extent)
+    )
     radii = np.clip(radii, 1e-3, 1e3)
     centers = rng.uniform(-1, 1, (shape.spheres, 3)) * extent
     numbers = {"background": rng.uniform(0, 1, 3), "ambient": rng.uniform(0, 0.5, 3)}
@@ -87,10 +97,17 @@ def random_numbers(shape, seed, beside=0.0):
         numbers |= {f"materials.m{i}.{key}": value for key, value in _material(rng).items()}
     for i in range(shape.lights):
         position = _place(rng, centers, radii, extent, beside)
-        numbers |= {f"lights.light{i}.position": position, f"lights.light{i}.intensity": rng.uniform(0, 2, 3)}
+        numbers |= {
+            f"lights.light{i}.position": position,
+            f"lights.light{i}.intensity": rng.uniform(0, 2, 3),
+        }
     position = _place(rng, centers, radii, extent, beside)
     look_at = position + rng.normal(size=3) * extent
-    return numbers | {"camera.position": position, "camera.look_at": look_at, "camera.fov": rng.uniform(10, 150)}
+    return numbers | {
+        "camera.position": position,
+        "camera.look_at": look_at,
+        "camera.fov": rng.uniform(10, 150),
+    }
 
 
 def _material(rng):
@@ -120,19 +137,38 @@ def _place(rng, centers, radii, extent, beside):
 
 def length_scale(numbers):
     """The largest coordinate or radius, of whose roundings positions are made."""
-    lengths = [value for name, value in numbers.items() if name.endswith(("center", "radius", "position", "look_at", "offset"))]
+    lengths = [
+        value
+        for name, value in numbers.items()
+        if name.endswith(("center", "radius", "position", "look_at", "offset"))
+    ]
     return max(np.max(np.abs(value)) for value in lengths)
 
 
 def jiggled(numbers, seed, amount):
     """The scene with its lengths and directions changed by some, relative to its size."""
     rng, scale = np.random.default_rng(seed), length_scale(numbers)
-    sizes = {"center": scale, "radius": scale, "position": scale, "look_at": scale, "offset": scale, "normal": 1, "ior": 1}
+    sizes = {
+        "center": scale,
+        "radius": scale,
+        "position": scale,
+        "look_at": scale,
+        "offset": scale,
+        "normal": 1,
+        "ior": 1,
+    }
     moved = {}
     for name, value in numbers.items():
         size = sizes.get(name.rpartition(".")[2], 0)
-        change = rng.choice([-1, 1], np.shape(value)) * rng.uniform(0.5, 1, np.shape(value)) * amount * size
-        moved[name] = np.maximum(value + change, value / 2) if name.endswith("radius") else value + change
+        change = (
+            rng.choice([-1, 1], np.shape(value))
+            * rng.uniform(0.5, 1, np.shape(value))
+            * amount
+            * size
+        )
+        moved[name] = (
+            np.maximum(value + change, value / 2) if name.endswith("radius") else value + change
+        )
     return moved
 
 
@@ -157,14 +193,22 @@ class Similarity:
             elif field == "normal":
                 value = self.rotation @ value
             elif field == "offset":
-                value = value * self.scale - (self.rotation @ numbers[name.replace("offset", "normal")]) @ self.shift
-            elif field == "intensity" and shape.falloff(int(name.split(".")[1][5:])) == "inverse-square":
+                value = (
+                    value * self.scale
+                    - (self.rotation @ numbers[name.replace("offset", "normal")]) @ self.shift
+                )
+            elif (
+                field == "intensity"
+                and shape.falloff(int(name.split(".")[1][5:])) == "inverse-square"
+            ):
                 value = value * self.scale**2
             moved[name] = value
         return self._reordered(shape, moved)
 
     def _reordered(self, shape, numbers):
-        """Things change places with others that are compiled alike; a material goes with what is made of it."""
+        """Things change places with others that are compiled alike; a material goes with what is
+        made of it.
+        """
         kinds = [shape.fresnel[i % len(shape.fresnel)] for i in range(shape.spheres + shape.planes)]
         spheres = self._places(kinds[: shape.spheres])
         planes = self._places(kinds[shape.spheres :])

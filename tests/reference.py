@@ -1,4 +1,5 @@
-"""The contract's equations once more, one ray at a time in NumPy's float64: what the renderer is held against.
+"""The contract's equations once more, one ray at a time in NumPy's float64: what the renderer is
+held against.
 
 Written from the equations, not from `whitted`, and with none of its shortcuts.
 """
@@ -52,7 +53,10 @@ class Reference:
         width, height = self.camera["resolution"]
         side = math.isqrt(spp)
         places = [((i + 0.5) / side, (j + 0.5) / side) for j in range(side) for i in range(side)]
-        pixels = [[np.mean([self.pixel(x + a, y + b) for a, b in places], 0) for x in range(width)] for y in range(height)]
+        pixels = [
+            [np.mean([self.pixel(x + a, y + b) for a, b in places], 0) for x in range(width)]
+            for y in range(height)
+        ]
         return np.array(pixels)
 
     def pixel(self, x, y):
@@ -62,11 +66,17 @@ class Reference:
         f = unit(np.array(self.camera["look_at"], float) - eye)
         right = unit(np.cross(f, self.camera["up"]))
         tan = math.tan(math.radians(self.camera["fov"]) / 2)
-        d = f + (2 * x / width - 1) * tan * width / height * right + (1 - 2 * y / height) * tan * np.cross(right, f)
+        d = (
+            f
+            + (2 * x / width - 1) * tan * width / height * right
+            + (1 - 2 * y / height) * tan * np.cross(right, f)
+        )
         return self.radiance(eye, unit(d))
 
     def crossings(self, o, d, source, inward):
-        """Every (distance, primitive, from within) of the ray's line in front of it, without the surface that it starts on."""
+        """Every (distance, primitive, from within) of the ray's line in front of it, without the
+        surface that it starts on.
+        """
         for k, x in enumerate(self.primitives):
             if x["kind"] != "sphere":
                 n = unit(x["normal"])
@@ -88,10 +98,16 @@ class Reference:
         return x["kind"] == "plane" or np.linalg.norm(p - x["center"]) < x["radius"]
 
     def media(self, p, k):
-        """The indices of refraction just outside and just inside the sphere k at p; for a plane, of both its sides."""
+        """The indices of refraction just outside and just inside the sphere k at p; for a plane, of
+        both its sides.
+        """
         spheres = [(i, x) for i, x in enumerate(self.primitives) if x["kind"] == "sphere"]
         clear = [(x["radius"], i, x["ior"]) for i, x in spheres if x["refraction"] > 0]
-        around = [c for c in clear if c[1] != k and np.linalg.norm(p - self.primitives[c[1]]["center"]) < c[0]]
+        around = [
+            c
+            for c in clear
+            if c[1] != k and np.linalg.norm(p - self.primitives[c[1]]["center"]) < c[0]
+        ]
         own = [c for c in clear if c[1] == k]
         return [min(candidates)[2] if candidates else 1 for candidates in (around, around + own)]
 
@@ -125,7 +141,9 @@ class Reference:
         x, p = self.primitives[k], o + t * d
         n = unit(p - x["center"]) if x["kind"] == "sphere" else unit(x["normal"])
         n = -n if d @ n > 0 else n
-        result = self.ambient * self.albedo(x, p) + sum((self.lit(x, p, n, d, light, k, inside) for light in self.lights), 0)
+        result = self.ambient * self.albedo(x, p) + sum(
+            (self.lit(x, p, n, d, light, k, inside) for light in self.lights), 0
+        )
         if depth == self.max_depth:
             return result
         c, (outside, within) = -d @ n, self.media(p, k)
@@ -135,19 +153,31 @@ class Reference:
             media = outside, x["ior"]
         w_r, w_t, eta, square = self.weights(x, c, media)
         if w_r and weight * w_r >= self.min_importance:
-            result = result + w_r * self.radiance(p, d - 2 * (d @ n) * n, depth + 1, weight * w_r, k, inside)
+            result = result + w_r * self.radiance(
+                p, d - 2 * (d @ n) * n, depth + 1, weight * w_r, k, inside
+            )
         if w_t and weight * w_t >= self.min_importance:
             bent = eta * d + (eta * c - math.sqrt(square)) * n
-            result = result + w_t * self.radiance(p, bent, depth + 1, weight * w_t, k, x["kind"] == "sphere" and not inside)
+            result = result + w_t * self.radiance(
+                p, bent, depth + 1, weight * w_t, k, x["kind"] == "sphere" and not inside
+            )
         return result
 
     def lit(self, x, p, n, d, light, k, inside):
         """What a light adds."""
         if light.get("type") == "directional":
-            distance, to_light, strength = math.inf, -unit(light["direction"]), np.array(light["irradiance"])
+            distance, to_light, strength = (
+                math.inf,
+                -unit(light["direction"]),
+                np.array(light["irradiance"]),
+            )
         else:
             offset = np.array(light["position"], float) - p
-            distance, to_light, strength = np.linalg.norm(offset), unit(offset), np.array(light["intensity"])
+            distance, to_light, strength = (
+                np.linalg.norm(offset),
+                unit(offset),
+                np.array(light["intensity"]),
+            )
             if light.get("falloff") == "inverse-square":
                 strength = strength / distance**2
         if n @ to_light <= 0:

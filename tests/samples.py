@@ -9,7 +9,9 @@ import whitted
 # Samples without the edges between them, for tests of what a sample is
 render_plain = partial(whitted.render, boundary=False)
 
-CAMERA = "[camera]\nposition = [0.1, 0.4, 3.2]\nlook_at = [0, 0, 0]\nfov = 50\nresolution = [16, 12]\n"
+CAMERA = (
+    "[camera]\nposition = [0.1, 0.4, 3.2]\nlook_at = [0, 0, 0]\nfov = 50\nresolution = [16, 12]\n"
+)
 SKY = "background = [0.3, 0.5, 0.9]\nambient = [0.2, 0.15, 0.1]\n"
 MATERIALS = """
 [materials.red]
@@ -121,32 +123,62 @@ SCENES = {
         sky="max_depth = 7\n" + SKY,
     ),
     "overlapping glass": scene(
-        sphere([-0.3, 0, 0], 0.75, "glass"), sphere([0.4, 0.1, 0.2], 0.6, "tinted"), sphere([0.1, 0.3, 0.5], 0.3, "air"), ROOM
+        sphere([-0.3, 0, 0], 0.75, "glass"),
+        sphere([0.4, 0.1, 0.2], 0.6, "tinted"),
+        sphere([0.1, 0.3, 0.5], 0.3, "air"),
+        ROOM,
     ),
     "overlapping glass of equal radius": scene(
-        sphere([-0.3, 0, 0], 0.6, "glass"), sphere([0.4, 0.1, 0.2], 0.6, "tinted"), sphere([0, 0.4, 0.1], 0.6, "water"), ROOM
+        sphere([-0.3, 0, 0], 0.6, "glass"),
+        sphere([0.4, 0.1, 0.2], 0.6, "tinted"),
+        sphere([0, 0.4, 0.1], 0.6, "water"),
+        ROOM,
     ),
     "mirror in glass, glass through a floor": scene(
-        sphere([-0.4, 0, 0], 0.7, "tinted"), sphere([-0.3, 0.1, 0.1], 0.3, "mirror"), sphere([0.7, -0.4, 0.3], 0.4, "water"), ROOM
+        sphere([-0.4, 0, 0], 0.7, "tinted"),
+        sphere([-0.3, 0.1, 0.1], 0.3, "mirror"),
+        sphere([0.7, -0.4, 0.3], 0.4, "water"),
+        ROOM,
     ),
     "camera in two glasses": scene(
-        sphere([0.2, 0.4, 3.0], 0.8, "water"), sphere([0.1, 0.3, 3.3], 0.3, "glass"), three("glass", "red", "mirror"), ROOM
+        sphere([0.2, 0.4, 3.0], 0.8, "water"),
+        sphere([0.1, 0.3, 3.3], 0.3, "glass"),
+        three("glass", "red", "mirror"),
+        ROOM,
     ),
     "light in glass": scene(
-        three("glass", "tinted", "red"), ROOM, "[[lights]]\nposition = [-0.7, -0.1, 0.3]\nintensity = [1, 1, 2]\n"
+        three("glass", "tinted", "red"),
+        ROOM,
+        "[[lights]]\nposition = [-0.7, -0.1, 0.3]\nintensity = [1, 1, 2]\n",
     ),
     "checkers on all axes": scene(
-        three("mirror", "red", "red"), FLOOR, plane([0, 0.1, 1], 1.5, "checks"), plane([-3, 0.2, 1], 3.4, "checks"), LIGHT
+        three("mirror", "red", "red"),
+        FLOOR,
+        plane([0, 0.1, 1], 1.5, "checks"),
+        plane([-3, 0.2, 1], 3.4, "checks"),
+        LIGHT,
     ),
     "panes": scene(
-        three("red", "glass", "red"), plane([0.3, 0.1, 1], -0.6, "pane"), plane([0, 0.3, -1], 0.9, "coated_pane"), ROOM
+        three("red", "glass", "red"),
+        plane([0.3, 0.1, 1], -0.6, "pane"),
+        plane([0, 0.3, -1], 0.9, "coated_pane"),
+        ROOM,
     ),
     "opaque Fresnel": scene(three("coat", "coat", "red"), ROOM),
-    "opaque Fresnel among glass": scene(three("coat", "glass", "tinted"), sphere([0.6, -0.2, 0.6], 0.2, "coat"), ROOM),
-    "polished walls": scene(three("coat", "glass", "lacquer"), plane([0, 1, 0.1], 0.8, "lacquer"), LIGHT),
-    "polish without glass": scene(three("coat", "mirror", "lacquer"), plane([0, 1, 0], 0.8, "coat"), LIGHT),
+    "opaque Fresnel among glass": scene(
+        three("coat", "glass", "tinted"), sphere([0.6, -0.2, 0.6], 0.2, "coat"), ROOM
+    ),
+    "polished walls": scene(
+        three("coat", "glass", "lacquer"), plane([0, 1, 0.1], 0.8, "lacquer"), LIGHT
+    ),
+    "polish without glass": scene(
+        three("coat", "mirror", "lacquer"), plane([0, 1, 0], 0.8, "coat"), LIGHT
+    ),
     "camera in glass before polish": scene(
-        sphere([0.1, 0.3, 3.1], 0.5, "glass"), three("coat", "lacquer", "red"), plane([0, 1, 0], 0.8, "lacquer"), LIGHT
+        sphere([0.1, 0.3, 3.1], 0.5, "glass"),
+        three("coat", "lacquer", "red"),
+        plane([0, 1, 0], 0.8, "lacquer"),
+        LIGHT,
     ),
     "partial shadows": scene(three("veil", "bright_glass", "red"), ROOM),
     "partial shadows on each other": scene(
@@ -168,9 +200,13 @@ SCENES = {
         FLOOR,
         LIGHT,
     ),
-    "sun": scene(three("glass", "mirror", "red"), disc([0.3, 1.1, 0.4], [0.2, 1, 0], 0.5, "red"), FLOOR, SUN),
+    "sun": scene(
+        three("glass", "mirror", "red"), disc([0.3, 1.1, 0.4], [0.2, 1, 0], 0.5, "red"), FLOOR, SUN
+    ),
     "sun and lamp": scene(three("red", "veil", "tinted"), FLOOR, SUN, LIGHT),
-    "least importance": scene(three("glass", "mirror", "tinted"), ROOM, sky="min_importance = 0.07\nmax_depth = 8\n" + SKY),
+    "least importance": scene(
+        three("glass", "mirror", "tinted"), ROOM, sky="min_importance = 0.07\nmax_depth = 8\n" + SKY
+    ),
     "depth 1": scene(three("glass", "mirror", "tinted"), ROOM, sky="max_depth = 1\n" + SKY),
     "depth 2": scene(three("glass", "mirror", "tinted"), ROOM, sky="max_depth = 2\n" + SKY),
     "depth 9": scene(three("glass", "mirror", "tinted"), ROOM, sky="max_depth = 9\n" + SKY),
@@ -195,13 +231,24 @@ def random_scene(seed):
         return x if rng.random() < 0.6 else 0.0
 
     def material(name, *more):
-        head = [f"[materials.{name}]", f"color = {some(0, 1, 3)}", f"shininess = {some(1, 60)}", f"ior = {some(0.6, 2.2)}"]
-        weights = [f"{key} = {maybe(some(0, 1))}" for key in ("specular", "reflection", "refraction")]
+        head = [
+            f"[materials.{name}]",
+            f"color = {some(0, 1, 3)}",
+            f"shininess = {some(1, 60)}",
+            f"ior = {some(0.6, 2.2)}",
+        ]
+        weights = [
+            f"{key} = {maybe(some(0, 1))}" for key in ("specular", "reflection", "refraction")
+        ]
         return "\n".join([*head, *weights, *more]) + "\n"
 
-    fresnel = [f"fresnel = {str(bool(rng.random() < 0.5)).lower()}" for _ in range(rng.integers(1, 6))]
+    fresnel = [
+        f"fresnel = {str(bool(rng.random() < 0.5)).lower()}" for _ in range(rng.integers(1, 6))
+    ]
     names = [f"m{i}" for i in range(len(fresnel))]
-    falloffs = [f'falloff = "{rng.choice(["none", "inverse-square"])}"' for _ in range(rng.integers(0, 4))]
+    falloffs = [
+        f'falloff = "{rng.choice(["none", "inverse-square"])}"' for _ in range(rng.integers(0, 4))
+    ]
     return "\n".join(
         [
             f"max_depth = {rng.integers(1, 9)}",
@@ -212,8 +259,17 @@ def random_scene(seed):
             f"fov = {some(20, 120)}\nresolution = [12, 10]",
             *(material(name, kind) for name, kind in zip(names, fresnel, strict=True)),
             material("checks", f"checker = {{ color = {some(0, 1, 3)}, size = {some(0.2, 1)} }}"),
-            *(sphere(some(-1, 3, 3), some(0.2, 1.6), rng.choice(names)) for _ in range(rng.integers(0, 7))),
-            *(plane(some(-1, 1, 3), some(-0.5, 4), rng.choice([*names, "checks"])) for _ in range(rng.integers(0, 4))),
-            *(f"[[lights]]\nposition = {some(-2, 3, 3)}\nintensity = {some(0, 2, 3)}\n{kind}" for kind in falloffs),
+            *(
+                sphere(some(-1, 3, 3), some(0.2, 1.6), rng.choice(names))
+                for _ in range(rng.integers(0, 7))
+            ),
+            *(
+                plane(some(-1, 1, 3), some(-0.5, 4), rng.choice([*names, "checks"]))
+                for _ in range(rng.integers(0, 4))
+            ),
+            *(
+                f"[[lights]]\nposition = {some(-2, 3, 3)}\nintensity = {some(0, 2, 3)}\n{kind}"
+                for kind in falloffs
+            ),
         ]
     )

@@ -9,13 +9,22 @@ import whitted as wt
 from whitted.rendering.auto_samples import Setting, recommend, settings
 from whitted.rendering.samples import render_samples
 
-BALLS = SKY + "max_depth = 1\n" + CAMERA + MATERIALS + sphere([0, 0, 0], 0.9, "red") + sphere([1, 0.5, -1], 0.8, "checks_less")
+BALLS = (
+    SKY
+    + "max_depth = 1\n"
+    + CAMERA
+    + MATERIALS
+    + sphere([0, 0, 0], 0.9, "red")
+    + sphere([1, 0.5, -1], 0.8, "checks_less")
+)
 
 
 @pytest.fixture(scope="module")
 def balls(tmp_path_factory):
     path = tmp_path_factory.mktemp("accuracy") / "scene.toml"
-    path.write_text(BALLS.replace("checks_less", "coat").replace("reflection = 0.7", "reflection = 0"))
+    path.write_text(
+        BALLS.replace("checks_less", "coat").replace("reflection = 0.7", "reflection = 0")
+    )
     return wt.load_scene(path)
 
 
@@ -34,29 +43,44 @@ def test_the_cheapest_good_setting_is_taken(balls, monkeypatch):
     assert recommend(balls, 0.5, resolution=size) == offered[1]
     assert recommend(balls, 0.02, resolution=size) == offered[2]
     assert recommend(balls, 0.002, resolution=size) == offered[0]
-    with pytest.raises(ValueError, match=r"1e-06 is below what is tried; about 0\.00016 is the least for this scene"):
+    with pytest.raises(
+        ValueError,
+        match=r"1e-06 is below what is tried; about 0\.00016 is the least for this scene",
+    ):
         recommend(balls, 1e-6, resolution=size)
     expected = wt.render(balls, 16, boundary=False, resolution=size).numpy()
     np.testing.assert_array_equal(wt.render(balls, error=0.02, resolution=size).numpy(), expected)
 
 
 def test_errors_are_told_from_plain_samples_where_edges_take_long(balls, monkeypatch):
-    offered = [Setting(1, False, 1.0), Setting(16, False, 2.0), Setting(1, True, 3.0), Setting(4, True, 2000.0)]
+    offered = [
+        Setting(1, False, 1.0),
+        Setting(16, False, 2.0),
+        Setting(1, True, 3.0),
+        Setting(4, True, 2000.0),
+    ]
     monkeypatch.setattr("whitted.rendering.auto_samples.settings", lambda *_: offered)
     tried = []
     monkeypatch.setattr(
-        "whitted.rendering.auto_samples.render_samples", lambda *args, **options: tried.append(args[1]) or render_samples(*args, **options)
+        "whitted.rendering.auto_samples.render_samples",
+        lambda *args, **options: tried.append(args[1]) or render_samples(*args, **options),
     )
     assert recommend(balls, 0.02, resolution=(160, 120)) == offered[1]
     assert tried == [1024, 1, 16]
 
 
 def test_costs_of_larger_images_are_told_from_small_ones(balls, monkeypatch):
-    """Both of 128 x 128 pixels; sixteen times as many take sixteen times as long, four times where edges count."""
+    """Both of 128 x 128 pixels; sixteen times as many take sixteen times as long, four times where
+    edges count.
+    """
     # Milliseconds: one for a plain sample a pixel, a fifth more and three for its edges
     monkeypatch.setattr(
         "whitted.rendering.auto_samples._seconds",
-        lambda call: call.args[1] * (4.2e-3 if call.keywords["boundary"] else 1e-3) * (call.keywords["resolution"] == (128, 128)),
+        lambda call: (
+            call.args[1]
+            * (4.2e-3 if call.keywords["boundary"] else 1e-3)
+            * (call.keywords["resolution"] == (128, 128))
+        ),
     )
     small, large = (settings(balls, None, (side, side)) for side in (128, 512))
     assert {(one.spp, one.boundary) for one in small} == {(one.spp, one.boundary) for one in large}
@@ -70,7 +94,9 @@ def test_costs_of_larger_images_are_told_from_small_ones(balls, monkeypatch):
 def test_gradients_pass(balls):
     values = balls.parameters("ambient")
     dr.enable_grad(values)
-    dr.backward(dr.mean(wt.render(balls.replace(values), error=0.05, resolution=(16, 12)), axis=None))
+    dr.backward(
+        dr.mean(wt.render(balls.replace(values), error=0.05, resolution=(16, 12)), axis=None)
+    )
     assert np.all(values["ambient"].grad.numpy() > 0)
 
 

@@ -30,6 +30,14 @@ def wall(normal, offset, material):
     return f'[[planes]]\nnormal = {normal}\noffset = {offset}\nmaterial = "{material}"\n'
 
 
+def disc(center, normal, radius, material):
+    return f'[[discs]]\ncenter = {center}\nnormal = {normal}\nradius = {radius}\nmaterial = "{material}"\n'
+
+
+def sun(direction, irradiance=(1, 1, 1)):
+    return f'[[lights]]\ntype = "directional"\ndirection = {direction}\nirradiance = {list(irradiance)}\n'
+
+
 def light(position, intensity=(1, 1, 1)):
     return f"[[lights]]\nposition = {position}\nintensity = {list(intensity)}\n"
 
@@ -51,35 +59,50 @@ def only(value, component):
 
 def derivative(loaded, name, component=0, **options):
     values = loaded.parameters(name)
-    return jvp(lambda moved: render(loaded.replace(moved), **options), values, {name: only(values[name], component)})
+    return jvp(
+        lambda moved: render(loaded.replace(moved), **options),
+        values,
+        {name: only(values[name], component)},
+    )
 
 
 @pytest.mark.parametrize("spp", [1, 4])
 @pytest.mark.parametrize(("up", "left"), [(1, 1), (1, -1), (-1, 1), (-1, -1)])
 def test_edge_through_samples(load, precision, spp, up, left):
-    """A crease along a diagonal of the image passes through samples, where rounding decides on which side of it they lie.
+    """A crease along a diagonal of the image passes through samples, where rounding decides on
+    which side of it they lie.
 
-    Seen from the origin, y = -offset meets x = 1 at v = -offset u: in the quadrant the area below it, N^2 / 8 pixels, changes
-    by as much for a unit of offset.
+    Seen from the origin, y = -offset meets x = 1 at v = -offset u: in the quadrant the area below
+    it, N^2 / 8 pixels, changes by as much for a unit of offset.
     """
-    ahead = AHEAD.replace("[0, 0, 4]", "[0, 0, 0]").replace("look_at = [0, 0, 0]", "look_at = [0, 0, -1]")
+    ahead = AHEAD.replace("[0, 0, 4]", "[0, 0, 0]").replace(
+        "look_at = [0, 0, 0]", "look_at = [0, 0, -1]"
+    )
     floor, side = wall([0, up, 0], 1, "white"), wall([left, 0, 0], 1, "red")
     loaded = load("max_depth = 1\n" + GLOW + ahead + WHITE + RED + floor + side, precision)
     image, slope = render(loaded, spp).numpy(), derivative(loaded, "planes.plane0.offset", spp=spp)
-    rows, columns = slice(16, 32) if up == 1 else slice(0, 16), slice(0, 16) if left == 1 else slice(16, 32)
+    rows, columns = (
+        slice(16, 32) if up == 1 else slice(0, 16),
+        slice(0, 16) if left == 1 else slice(16, 32),
+    )
     white, red = np.array([0.9, 0.8, 0.7]), np.array([0.7, 0.1, 0.2])
     np.testing.assert_allclose(image[rows, columns].sum((0, 1)), 128 * (white + red), rtol=1e-3)
     np.testing.assert_allclose(slope[rows, columns].sum((0, 1)), -128 * (white - red), rtol=5e-3)
 
 
 def test_faint_edges_are_found(load, precision):
-    """A disc 1 % darker than what is behind it; its radius in pixels is that of the cone around a ball seen from a distance."""
+    """A disc 1 % darker than what is behind it; its radius in pixels is that of the cone around a
+    ball seen from a distance.
+    """
     grey = material("grey", color=[0.99, 0.99, 0.99])
-    loaded = load("background = [1, 1, 1]\n" + GLOW + AHEAD + grey + ball([0, 0, 0], 1, "grey"), precision)
+    loaded = load(
+        "background = [1, 1, 1]\n" + GLOW + AHEAD + grey + ball([0, 0, 0], 1, "grey"), precision
+    )
     slope = derivative(loaded, "spheres.sphere0.radius", spp=1)
     scale, square = 16 / np.tan(np.radians(20)), 4**2
     area_slope = 2 * np.pi * scale**2 * square / (square - 1) ** 2
-    # Missed, they would count for nothing; pixels are 1/11 of the radius, and a strip's edge is taken to be straight
+    # Missed, they would count for nothing; pixels are 1/11 of the radius, and a strip's edge is
+    # taken to be straight
     np.testing.assert_allclose(slope.sum((0, 1)), -0.01 * area_slope, rtol=0.01)
 
 
@@ -149,6 +172,104 @@ KINDS = {
         0,
         0.05,
     ),
+    "rim of a disc": (
+        GLOW + SKY_LIGHT + AHEAD + RED + disc([0.1, 0.2, 0], [0.3, 0.5, 1], 0.9, "red"),
+        "discs.disc0.center",
+        0,
+        0.05,
+    ),
+    "rim of a disc that turns": (
+        GLOW + SKY_LIGHT + AHEAD + RED + disc([0.1, 0.2, 0], [0.3, 0.5, 1], 0.9, "red"),
+        "discs.disc0.normal",
+        1,
+        0.05,
+    ),
+    "rim of a disc in a mirror": (
+        GLOW + SKY_LIGHT + AHEAD + MIRROR + RED + ball([0, 0, 0], 1, "mirror") + disc([0.9, 0.6, 6], [0.2, 0, 1], 1.1, "red"),
+        "discs.disc0.radius",
+        0,
+        0.10,
+    ),
+    "disc of mirror": (
+        GLOW + SKY_LIGHT + AHEAD + MIRROR + RED + disc([0, 0, 0], [0.1, 0.3, 1], 1, "mirror") + ball([0.9, 0.6, 6], 0.9, "red"),
+        "discs.disc0.normal",
+        0,
+        0.10,
+    ),
+    "shadow of a disc": (
+        AHEAD + WHITE + BLACK + disc([0.3, 0.2, 0.3], [0.4, 1, 0.5], 0.5, "black") + wall([0, 0, 1], 1, "white") + light([2, 2.5, 3]),
+        "discs.disc0.radius",
+        0,
+        0.05,
+    ),
+    "shadow of a disc in a mirror": (
+        AHEAD + WHITE + BLACK + MIRROR + ball([0, 0, 0], 1, "mirror") + disc([0.2, 0.4, 6.5], [0.2, 0.5, 1], 0.5, "black")
+        + wall([0, 0, -1], 8, "white") + light([0.3, 2.5, 3]),
+        "discs.disc0.center",
+        0,
+        0.10,
+    ),
+    "disc through a ball": (
+        GLOW + SKY_LIGHT + AHEAD + WHITE + RED + ball([0.1, 0, 0], 0.8, "red") + disc([0, 0.1, 0.2], [0.2, 1, 0.4], 1.1, "white"),
+        "discs.disc0.center",
+        1,
+        0.05,
+    ),
+    "shadow by the sun": (
+        AHEAD + WHITE + BLACK + ball([0.3, 0.2, 0.3], 0.4, "black") + wall([0, 0, 1], 1, "white") + sun([-1, -1.2, -2]),
+        "lights.light0.direction",
+        0,
+        0.05,
+    ),
+    "shadow of a disc by the sun": (
+        AHEAD + WHITE + BLACK + disc([0.3, 0.2, 0.3], [0.4, 1, 0.5], 0.5, "black") + wall([0, 0, 1], 1, "white") + sun([-1, -1.2, -2]),
+        "discs.disc0.normal",
+        2,
+        0.05,
+    ),
+    "terminator of the sun": (
+        AHEAD + material("gloss", specular=0.8, shininess=1.5) + ball([0, 0, 0], 1.2, "gloss") + sun([-4, -1, 0.5]),
+        "lights.light0.direction",
+        2,
+        0.05,
+    ),
+    "partial shadow": (
+        AHEAD + WHITE + material("veil", shadow=0.6) + ball([0.3, 0.2, 0.3], 0.4, "veil") + wall([0, 0, 1], 1, "white")
+        + light([2, 2.5, 3]),
+        "spheres.sphere0.radius",
+        0,
+        0.05,
+    ),
+    "partial shadow in a full one": (
+        AHEAD + WHITE + BLACK + material("veil", shadow=0.6) + ball([0.3, 0.2, 0.3], 0.4, "veil") + ball([0.6, 0.6, 0.9], 0.3, "black")
+        + wall([0, 0, 1], 1, "white") + light([2, 2.5, 3]),
+        "lights.light0.position",
+        0,
+        0.05,
+    ),
+    "partial shadows across each other": (
+        AHEAD + WHITE + material("veil", shadow=0.6) + material("gauze", shadow=0.3) + ball([0.3, 0.2, 0.3], 0.4, "veil")
+        + ball([0.6, 0.4, 0.4], 0.4, "gauze") + wall([0, 0, 1], 1, "white") + light([2, 2.5, 3]),
+        "spheres.sphere1.center",
+        1,
+        0.05,
+    ),
+    "size of a checkerboard": (
+        GLOW + AHEAD + "up = [0.4, 1, 0]\n"
+        + material("checks", color=[0.9, 0.1, 0.2], checker="{ color = [0.1, 0.8, 0.7], size = 0.37 }")
+        + wall([0.1, 0.2, 1], 0.5, "checks"),
+        "materials.checks.checker.size",
+        0,
+        0.10,
+    ),
+    "checkerboard on a disc": (
+        GLOW + SKY_LIGHT + AHEAD + "up = [0.4, 1, 0]\n"
+        + material("checks", color=[0.9, 0.1, 0.2], checker="{ color = [0.1, 0.8, 0.7], size = 0.37 }")
+        + disc([0, 0, 0], [0.1, 0.2, 1], 1.2, "checks"),
+        "materials.checks.checker.size",
+        0,
+        0.10,
+    ),
     "checkerboard": (
         GLOW + AHEAD + "up = [0.4, 1, 0]\n"
         + material("checks", color=[0.9, 0.1, 0.2], checker="{ color = [0.1, 0.8, 0.7], size = 0.37 }")
@@ -193,21 +314,38 @@ def test_kind_of_edge(load, kind):
     loaded = load(text)
     values = loaded.parameters(name)
     tangents = {name: only(values[name], component)}
-    reference, uncertain = image_difference(lambda moved: render(loaded.replace(moved), 400), values, tangents)
+    reference, uncertain = image_difference(
+        lambda moved: render(loaded.replace(moved), 400), values, tangents
+    )
     assert uncertain < bound / 3
     assert image_error(derivative(loaded, name, component, spp=16), reference) < bound
     # So that this could fail: samples alone are far off
-    assert image_error(derivative(loaded, name, component, spp=16, boundary=False), reference) > 2 * bound
+    assert (
+        image_error(derivative(loaded, name, component, spp=16, boundary=False), reference)
+        > 2 * bound
+    )
 
 
 @pytest.mark.parametrize(("depth", "spp"), [(4, 1), (6, 1), (8, 4)])
 def test_edges_close_to_a_rim_are_seen_from_either_side(load, depth, spp):
-    """The transmitted ray has no weight at the rim, and much at the next sample: over a floor at its lower end, or its upper."""
+    """The transmitted ray has no weight at the rim, and much at the next sample: over a floor at
+    its lower end, or its upper.
+    """
     air = material("air", reflection=1.0, refraction=1.0, ior=1.0, fresnel="true")
     shell = ball([0, 0, 0], 1.1, "fresnel") + ball([0, 0, 0], 1.05, "air")
     images = []
     for up in (1, -1):
-        text = f"max_depth = {depth}\n" + GLOW + SKY_LIGHT + AHEAD + FRESNEL + air + RED + shell + wall([0, up, 0], 1.5, "red")
+        text = (
+            f"max_depth = {depth}\n"
+            + GLOW
+            + SKY_LIGHT
+            + AHEAD
+            + FRESNEL
+            + air
+            + RED
+            + shell
+            + wall([0, up, 0], 1.5, "red")
+        )
         images.append(derivative(load(text), "spheres.sphere0.radius", spp=spp))
     assert image_error(np.flipud(images[1]), images[0]) < 1e-6
 
@@ -217,13 +355,18 @@ def test_edges_close_to_a_rim_are_seen_from_either_side(load, depth, spp):
 def test_tiles_too_small_to_be_seen_count_as_their_mean(load, name, spp):
     """Under a bright sky, whose edge is found behind any number of tiles.
 
-    There its jump is seen with one tile's color or the other's, in 32 columns by 4 times spp samples at least: the mean of 128
-    is uncertain by 0.35 / sqrt(128), 2 % of the jump.
+    There its jump is seen with one tile's color or the other's, in 32 columns by 4 times spp
+    samples at least: the mean of 128 is uncertain by 0.35 / sqrt(128), 2 % of the jump.
     """
     ahead = "[camera]\nposition = [0.1, 0, 4]\nlook_at = [0.37, -0.05, 0]\nfov = 6\nresolution = [32, 8]\n"
-    tiles = material("floor", color=[0.9, 0.1, 0.2], checker="{ color = [0.1, 0.8, 0.7], size = 0.02 }")
+    tiles = material(
+        "floor", color=[0.9, 0.1, 0.2], checker="{ color = [0.1, 0.8, 0.7], size = 0.02 }"
+    )
     floors = tiles, material("floor", color=[0.5, 0.45, 0.45])
-    texts = [GLOW + "background = [2, 2, 2]\n" + ahead + floor + wall([0, 1, 0], 1.1, "floor") for floor in floors]
+    texts = [
+        GLOW + "background = [2, 2, 2]\n" + ahead + floor + wall([0, 1, 0], 1.1, "floor")
+        for floor in floors
+    ]
     small, mean = (derivative(load(text), name, 1, spp=spp).sum(1) for text in texts)
     np.testing.assert_allclose(small, mean, atol=0.04 * abs(mean).max())
     # Below the horizon nothing is left of single tiles
@@ -236,7 +379,10 @@ def test_checker_catches_one_percent(load):
     loaded = load(text)
     values = loaded.parameters(name)
     reference, uncertain = image_difference(
-        lambda moved: render(loaded.replace(moved), 16), values, {name: only(values[name], component)}, step=1e-5
+        lambda moved: render(loaded.replace(moved), 16),
+        values,
+        {name: only(values[name], component)},
+        step=1e-5,
     )
     image = derivative(loaded, name, component, spp=16)
     assert uncertain < 1e-3
@@ -254,13 +400,21 @@ MIXED = scene(three("glass", "mirror", "red"), FLOOR, LIGHT, sky="max_depth = 4\
 def test_reverse_mode_is_forward_mode_transposed(load, spp):
     loaded = load(MIXED)
     values = loaded.parameters()
-    assert adjoint_error(lambda moved: render(loaded.replace(moved), spp), values, directions(values)) < 1e-10
+    assert (
+        adjoint_error(lambda moved: render(loaded.replace(moved), spp), values, directions(values))
+        < 1e-10
+    )
 
 
 def test_terms_add_up(load):
     loaded = load(MIXED)
-    parts = {terms: derivative(loaded, "spheres.sphere1.center", terms=terms) for terms in ("both", "interior", "boundary")}
-    np.testing.assert_allclose(parts["interior"] + parts["boundary"], parts["both"], rtol=0, atol=1e-10)
+    parts = {
+        terms: derivative(loaded, "spheres.sphere1.center", terms=terms)
+        for terms in ("both", "interior", "boundary")
+    }
+    np.testing.assert_allclose(
+        parts["interior"] + parts["boundary"], parts["both"], rtol=0, atol=1e-10
+    )
     assert min(np.linalg.norm(part) for part in parts.values()) > 0.1
 
 
@@ -290,8 +444,13 @@ def test_hard_case_is_finite_and_bounded(load, precision, case):
     names = [name for name in loaded.parameters() if name.endswith(("radius", "offset", "ior"))]
     if names:
         values = loaded.parameters(*names)
-        slope = jvp(lambda moved: render(loaded.replace(moved)), values, {name: np.ones(1) for name in names})
-        # One unit of length is 11 pixels here; a pixel's edge is some sqrt(2) long, and a rim's slope integrable
+        slope = jvp(
+            lambda moved: render(loaded.replace(moved)),
+            values,
+            {name: np.ones(1) for name in names},
+        )
+        # One unit of length is 11 pixels here; a pixel's edge is some sqrt(2) long, and a rim's
+        # slope integrable
         assert abs(slope).max() < 100
 
 
@@ -325,7 +484,9 @@ def test_chunks_of_edges_are_the_whole(load, monkeypatch, precision):
     monkeypatch.setattr(settings, "LANES", 64)
     np.testing.assert_array_equal(render(loaded, 4).numpy(), whole)
     chunked = derivative(loaded, "spheres.sphere0.center", spp=4)
-    assert abs(chunked - slope).max() <= (1e-5 if precision == "single" else 1e-12) * abs(slope).max()
+    assert (
+        abs(chunked - slope).max() <= (1e-5 if precision == "single" else 1e-12) * abs(slope).max()
+    )
 
 
 def test_image_is_the_same_twice(load, precision):
@@ -339,7 +500,9 @@ def test_pixels_are_nearer_than_those_of_sixteen_times_the_samples(load, spp):
     options = {"resolution": (48, 36)}
     reference = render(loaded, 1024, boundary=False, **options).numpy()
     error = image_error(render(loaded, spp, **options).numpy(), reference)
-    assert error < image_error(render(loaded, 16 * spp, boundary=False, **options).numpy(), reference)
+    assert error < image_error(
+        render(loaded, 16 * spp, boundary=False, **options).numpy(), reference
+    )
 
 
 def test_error_of_the_gradient_falls_with_the_samples(load):
@@ -347,27 +510,43 @@ def test_error_of_the_gradient_falls_with_the_samples(load):
     loaded = load(text)
     values = loaded.parameters(name)
     tangents = {name: only(values[name], component)}
-    reference, _ = image_difference(lambda moved: render(loaded.replace(moved), 1600), values, tangents)
-    errors = [image_error(derivative(loaded, name, component, spp=n * n), reference) for n in (1, 2, 4, 8)]
+    reference, _ = image_difference(
+        lambda moved: render(loaded.replace(moved), 1600), values, tangents
+    )
+    errors = [
+        image_error(derivative(loaded, name, component, spp=n * n), reference) for n in (1, 2, 4, 8)
+    ]
     assert np.polyfit(np.log([1, 2, 4, 8]), np.log(errors), 1)[0] < -0.8, errors
 
 
 @pytest.mark.parametrize(("name", "sides"), [("cornell", [2]), ("whitted1980", [2, 4])])
 def test_pixels_of_five_labels_have_sixteen_samples_where_they_are_many(name, sides, monkeypatch):
-    """The tiles of Whitted's picture near the horizon are, a few corners of the Cornell box are not."""
+    """The tiles of Whitted's picture near the horizon are, a few corners of the Cornell box are
+    not.
+    """
     taken, made = [], search.fine_samples
-    monkeypatch.setattr(search, "fine_samples", lambda *given: taken.append(given[1]) or made(*given))
+    monkeypatch.setattr(
+        search, "fine_samples", lambda *given: taken.append(given[1]) or made(*given)
+    )
     render(load_scene(next(path for path in SCENES if path.stem == name)), resolution=(96, 72))
     assert taken == sides
 
 
 def test_slivers_between_mirrors_need_their_samples_in_pieces(monkeypatch):
-    """Where mirrors touch, what lies between two edges is a hundredth of a pixel wide, its derivative 10^4 times the rest's."""
+    """Where mirrors touch, what lies between two edges is a hundredth of a pixel wide, its
+    derivative 10^4 times the rest's.
+    """
     path = next(path for path in SCENES if path.stem == "three_mirror")
-    loaded, name, options = load_scene(path, "double"), "spheres.small.radius", {"resolution": (32, 32)}
+    loaded, name, options = (
+        load_scene(path, "double"),
+        "spheres.small.radius",
+        {"resolution": (32, 32)},
+    )
     values = loaded.parameters(name)
     tangents = {name: only(values[name], 0)}
-    reference, _ = image_difference(lambda moved: render(loaded.replace(moved), 400, **options), values, tangents, 1e-4)
+    reference, _ = image_difference(
+        lambda moved: render(loaded.replace(moved), 400, **options), values, tangents, 1e-4
+    )
     errors = []
     for pieces in (4, 1):
         monkeypatch.setattr(settings, "PIECES", pieces)
@@ -377,21 +556,33 @@ def test_slivers_between_mirrors_need_their_samples_in_pieces(monkeypatch):
 
 @pytest.mark.parametrize("tilt", [0, 2, 4, 6])
 def test_ground_that_runs_off_into_the_distance_between_two_samples(load, tilt):
-    """From just above it: all but the nearest ground is within an angle of 0.004, where samples are 0.006 apart.
+    """From just above it: all but the nearest ground is within an angle of 0.004, where samples are
+    0.006 apart.
 
     Samples alone are wrong by up to 3.8, as each counts for what is a tenth as wide.
     """
     camera = f"[camera]\nposition = [0, 0, 4]\nlook_at = [0, {tilt * 4e-3}, 0]\nfov = 40\nresolution = [4, 16]\n"
     ground = wall([0, 1, 0], 0.004, "white") + wall([0, 0, 1], 6, "red")
     scene = load(camera + WHITE + RED + ground + light([0, 1, 2]), "double")
-    values, tangents = scene.parameters("planes.plane0.offset"), {"planes.plane0.offset": np.ones(1)}
-    reference, _ = image_difference(lambda moved: render(scene.replace(moved), 65536, boundary=False), values, tangents, 2e-6)
+    values, tangents = (
+        scene.parameters("planes.plane0.offset"),
+        {"planes.plane0.offset": np.ones(1)},
+    )
+    reference, _ = image_difference(
+        lambda moved: render(scene.replace(moved), 65536, boundary=False), values, tangents, 2e-6
+    )
     # Eight points along the square root of the distance leave some of it
-    assert image_error(jvp(lambda moved: render(scene.replace(moved), 16), values, tangents), reference) < 0.25
+    assert (
+        image_error(
+            jvp(lambda moved: render(scene.replace(moved), 16), values, tangents), reference
+        )
+        < 0.25
+    )
 
 
 def test_dozens_of_edges_between_two_samples_are_all_found():
-    """Three pixels of Whitted's picture, at the outline of the glass, which mirrors there all tiles that the mirror ball shows.
+    """Three pixels of Whitted's picture, at the outline of the glass, which mirrors there all tiles
+    that the mirror ball shows.
 
     A search that gives up early loses edges whose neighbours would cancel them: errors of 50 %.
     """
@@ -401,14 +592,19 @@ def test_dozens_of_edges_between_two_samples_are_all_found():
     half = np.tan(np.radians(scene.camera.fov.numpy()[0] / 2))
     name, direction = "spheres.mirror.center", np.array([0.3, -0.8, -0.5])
     zoomed = scene.replace(
-        {"camera.look_at": (ahead.o + ahead.d).numpy().ravel(), "camera.fov": np.degrees(2 * np.arctan(half / 128))}
+        {
+            "camera.look_at": (ahead.o + ahead.d).numpy().ravel(),
+            "camera.fov": np.degrees(2 * np.arctan(half / 128)),
+        }
     )
     values, tangents = zoomed.parameters(name), {name: direction}
 
     def image(moved, spp=65536, **options):
         return render(zoomed.replace(moved), spp, resolution=(3, 1), **options)
 
-    reference, _ = image_difference(lambda moved: image(moved, boundary=False), values, tangents, 4e-4)
+    reference, _ = image_difference(
+        lambda moved: image(moved, boundary=False), values, tangents, 4e-4
+    )
     # What grids of a quarter of a sample see of edges that close leaves 10 %
     assert image_error(jvp(lambda moved: image(moved, 16), values, tangents), reference) < 0.2
 

@@ -6,9 +6,9 @@ import drjit as dr
 import numpy as np
 import pytest
 
+from whitted.cli import run
 from whitted.measure import experiments
 from whitted.measure.chart import chart, front, slope
-from whitted.cli import run
 from whitted.measure.store import Store, in_turns
 
 SCENE = """
@@ -58,12 +58,23 @@ def test_report_has_all_groups_and_is_resumed(scene, tmp_path, capsys, monkeypat
     assert "d image / d spheres.sphere0.center.x" in page
     kept = json.loads((folder / "measured.json").read_text())
     rows = {row["name"]: row for row in kept["groups"]["image"]}
-    assert rows["boundary, spp 1"]["error"] < rows["plain, spp 4"]["error"] < rows["plain, spp 1"]["error"] < 1
-    errors = {kind: [r["error"] for r in kept["groups"]["gradient"] if r["kind"] == kind] for kind in ("boundary", "plain AD")}
+    assert (
+        rows["boundary, spp 1"]["error"]
+        < rows["plain, spp 4"]["error"]
+        < rows["plain, spp 1"]["error"]
+        < 1
+    )
+    errors = {
+        kind: [r["error"] for r in kept["groups"]["gradient"] if r["kind"] == kind]
+        for kind in ("boundary", "plain AD")
+    }
     assert min(errors["boundary"]) < 0.1 < min(errors["plain AD"])
     modes = {row["name"]: row["error"] for row in kept["groups"]["modes"]}
     for what in ("one", "all"):
-        reverse, forward = modes[f"boundary, reverse, {what}, double, spp 1"], modes["boundary, forward, double, spp 1"]
+        reverse, forward = (
+            modes[f"boundary, reverse, {what}, double, spp 1"],
+            modes["boundary, forward, double, spp 1"],
+        )
         assert reverse == pytest.approx(forward, abs=1e-9)
         assert reverse < modes[f"plain AD, reverse, {what}, single, spp 1"]
 
@@ -74,7 +85,11 @@ def test_report_has_all_groups_and_is_resumed(scene, tmp_path, capsys, monkeypat
     with monkeypatch.context() as patch:
         patch.setattr("whitted.measure.experiments.in_turns", fail)
         chart(
-            scene, folder, json.loads((folder / "measured.json").read_text())["conditions"]["whitted"], size=(24, 24), quick=True
+            scene,
+            folder,
+            json.loads((folder / "measured.json").read_text())["conditions"]["whitted"],
+            size=(24, 24),
+            quick=True,
         )
         with pytest.raises(AssertionError):
             chart(scene, folder, "another", size=(24, 24), quick=True)
@@ -117,7 +132,13 @@ def test_calls_take_turns():
 
 
 def test_front_keeps_what_nothing_betters():
-    rows = [{"ms": 1, "error": 0.5}, {"ms": 2, "error": 0.6}, {"ms": 3, "error": 0.1}, {"ms": 2.5, "error": 0.3}, {"error": 0.01}]
+    rows = [
+        {"ms": 1, "error": 0.5},
+        {"ms": 2, "error": 0.6},
+        {"ms": 3, "error": 0.1},
+        {"ms": 2.5, "error": 0.3},
+        {"error": 0.01},
+    ]
     assert [row["ms"] for row in front(rows)] == [1, 2.5, 3]
 
 
@@ -132,7 +153,10 @@ def test_chart_refuses_bad_input(scene, tmp_path, capsys, monkeypatch):
     assert run(["chart", str(scene), "-o", str(tmp_path / "no" / "such")]) == 2
     assert run(["chart", str(scene), "-o", str(tmp_path / "c"), "--size", "big"]) == 2
     text = capsys.readouterr().err
-    assert all(part in text for part in ("cannot be read", "there is no folder", "--size: expected WIDTHxHEIGHT"))
+    assert all(
+        part in text
+        for part in ("cannot be read", "there is no folder", "--size: expected WIDTHxHEIGHT")
+    )
     monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
     assert run(["chart", str(scene), "-o", str(tmp_path / "c")]) == 2
     assert "pip install 'whitted[fit]'" in capsys.readouterr().err

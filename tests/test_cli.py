@@ -1,4 +1,6 @@
-"""The command line, in this process where that is enough and in one of its own where signals or starting matter."""
+"""The command line, in this process where that is enough and in one of its own where signals or
+starting matter.
+"""
 
 import hashlib
 import os
@@ -24,14 +26,23 @@ SCENE = SCENES / "cornell.toml"
 
 def test_render_writes_exr_and_png(tmp_path, capsys):
     out = tmp_path / "a.exr"
-    assert run(["render", str(SCENE), "-o", str(out), "--spp", "4", "--depth", "3", "--size", "24x16"]) == 0
+    assert (
+        run(["render", str(SCENE), "-o", str(out), "--spp", "4", "--depth", "3", "--size", "24x16"])
+        == 0
+    )
     expected = wt.render(wt.load_scene(SCENE), 4, max_depth=3, resolution=(24, 16))
     np.testing.assert_array_equal(wt.read_image(out).numpy(), expected.numpy())
     assert wt.read_image(tmp_path / "a.png").shape == (16, 24, 3)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "a.png"]
     text = capsys.readouterr().out
     assert "of its pixels clipped to [0, 1]" in text
-    for part in ("24 x 16, spp 4, depth 3, single precision", "3 spheres, 5 planes", "operations", "compile", "run"):
+    for part in (
+        "24 x 16, spp 4, depth 3, single precision",
+        "3 spheres, 5 planes",
+        "operations",
+        "compile",
+        "run",
+    ):
         assert part in text
 
 
@@ -48,9 +59,26 @@ def test_exr_header_tells_how_it_was_made(tmp_path):
 
 def test_no_boundary_gives_plain_samples(tmp_path):
     plain, corrected = tmp_path / "plain.exr", tmp_path / "corrected.exr"
-    assert run(["render", str(SCENE), "-o", str(plain), "--size", "24x16", "--depth", "3", "--no-boundary"]) == 0
+    assert (
+        run(
+            [
+                "render",
+                str(SCENE),
+                "-o",
+                str(plain),
+                "--size",
+                "24x16",
+                "--depth",
+                "3",
+                "--no-boundary",
+            ]
+        )
+        == 0
+    )
     assert run(["render", str(SCENE), "-o", str(corrected), "--size", "24x16", "--depth", "3"]) == 0
-    expected = wt.render(wt.load_scene(SCENE), boundary=False, max_depth=3, resolution=(24, 16)).numpy()
+    expected = wt.render(
+        wt.load_scene(SCENE), boundary=False, max_depth=3, resolution=(24, 16)
+    ).numpy()
     np.testing.assert_array_equal(wt.read_image(plain).numpy(), expected)
     assert abs(wt.read_image(corrected).numpy() - expected).max() > 0.01
 
@@ -69,7 +97,10 @@ def test_shipped_scenes_render(tmp_path, scene):
     [
         (["--spp", "3"], "spp: expected a perfect square"),
         (["--spp", "x"], "'--spp'"),
-        (["--size", "0x4"], r"resolution: expected (width, height), two whole numbers of pixels > 0, got (0, 4)"),
+        (
+            ["--size", "0x4"],
+            r"resolution: expected (width, height), two whole numbers of pixels > 0, got (0, 4)",
+        ),
         (["--size", "4"], "--size: expected WIDTHxHEIGHT, as in 640x480, got '4'"),
         (["--size", "1000000x1000000"], "takes 11175.9 GiB, too much; use a smaller one"),
         (["--depth", "0"], "max_depth: expected a whole number from 1 to 256, got 0"),
@@ -110,15 +141,32 @@ def test_bad_outputs(tmp_path, capsys, output, message):
 
 @pytest.mark.parametrize(
     ("name", "component", "terms"),
-    [("materials.glass.ior", None, "both"), ("spheres.ball.center", "y", "boundary"), ("lights.key.intensity", "z", "interior")],
+    [
+        ("materials.glass.ior", None, "both"),
+        ("spheres.ball.center", "y", "boundary"),
+        ("lights.key.intensity", "z", "interior"),
+    ],
 )
 def test_gradient_writes_exr_and_png(tmp_path, capsys, name, component, terms):
     out, size = tmp_path / "a.exr", (24, 16)
-    options = ["--spp", "4", "--depth", "3", "--size", "24x16", "--precision", "double", "--terms", terms]
+    options = [
+        "--spp",
+        "4",
+        "--depth",
+        "3",
+        "--size",
+        "24x16",
+        "--precision",
+        "double",
+        "--terms",
+        terms,
+    ]
     options += ["--component", component] if component else []
     assert run(["gradient", str(SCENE), "--wrt", name, "-o", str(out), *options]) == 0
     scene = wt.load_scene(SCENE, "double")
-    expected = wt.gradient(scene, name, component, 4, terms=terms, max_depth=3, resolution=size).numpy()
+    expected = wt.gradient(
+        scene, name, component, 4, terms=terms, max_depth=3, resolution=size
+    ).numpy()
     written = wt.read_image(out).numpy()
     scale = abs(expected).max()
     assert scale > 0.01
@@ -137,7 +185,10 @@ def test_gradient_writes_exr_and_png(tmp_path, capsys, name, component, terms):
     with OpenEXR.File(str(out)) as file:
         header = file.header()
         assert header["wrt"] == (f"{name}.{component}" if component else name)
-        assert (header["terms"], header["sceneSHA256"]) == (terms, hashlib.sha256(SCENE.read_bytes()).hexdigest())
+        assert (header["terms"], header["sceneSHA256"]) == (
+            terms,
+            hashlib.sha256(SCENE.read_bytes()).hexdigest(),
+        )
 
 
 def check_colors(path, derivative):
@@ -150,7 +201,11 @@ def check_colors(path, derivative):
     left = (picture.shape[1] - width) // 2
     red, _, blue = np.moveaxis(picture[:height, left : left + width], -1, 0)
     well = 0.05 * np.percentile(abs(values), 99.5)
-    for region, right in ((values > well, red > blue), (values < -well, red < blue), (values == 0, (red == 255) & (blue == 255))):
+    for region, right in (
+        (values > well, red > blue),
+        (values < -well, red < blue),
+        (values == 0, (red == 255) & (blue == 255)),
+    ):
         assert right[region].all()
     assert (abs(values) > well).any()
 
@@ -162,15 +217,24 @@ def check_colors(path, derivative):
             ["--wrt", "ambient"],
             "component: expected x, y or z (red, green or blue of a colour) for the vector 'ambient', got none",
         ),
-        (["--wrt", "camera.fov", "--component", "x"], "component: expected none for the number 'camera.fov', got x"),
-        (["--wrt", "spheres.bal.radius"], "the scene has no parameter 'spheres.bal.radius'; nearest: spheres.ball.radius, "),
+        (
+            ["--wrt", "camera.fov", "--component", "x"],
+            "component: expected none for the number 'camera.fov', got x",
+        ),
+        (
+            ["--wrt", "spheres.bal.radius"],
+            "the scene has no parameter 'spheres.bal.radius'; nearest: spheres.ball.radius, ",
+        ),
         (["--wrt", "ambient", "--component", "w"], "'--component'"),
         (["--wrt", "camera.fov", "--terms", "none"], "'--terms'"),
         ([], "'--wrt'"),
     ],
 )
 def test_bad_gradients(tmp_path, capsys, arguments, message):
-    assert run(["gradient", str(SCENE), "-o", str(tmp_path / "a.exr"), "--size", "8x8", *arguments]) == 2
+    assert (
+        run(["gradient", str(SCENE), "-o", str(tmp_path / "a.exr"), "--size", "8x8", *arguments])
+        == 2
+    )
     check_refusal(tmp_path, capsys, message)
 
 
@@ -178,7 +242,10 @@ def test_output_that_cannot_be_written(capsys):
     if not Path("/proc/self").is_dir():
         pytest.skip("needs a folder that nobody can write to")
     assert run(["render", str(SCENE), "-o", "/proc/self/a.exr", "--size", "4x4"]) == 2
-    assert "/proc/self/a.exr: the folder '/proc/self' cannot be written to; choose another" in capsys.readouterr().err
+    assert (
+        "/proc/self/a.exr: the folder '/proc/self' cannot be written to; choose another"
+        in capsys.readouterr().err
+    )
 
 
 def test_bad_scene_lists_every_problem(tmp_path, capsys):
@@ -217,8 +284,24 @@ def heed():
 
 def test_interrupt_leaves_nothing(tmp_path):
     """Ctrl-C in a render that would take minutes: exit status 130, no file."""
-    command = [sys.executable, "-m", "whitted.cli", "render", str(SCENE), "-o", str(tmp_path / "a.exr"), "--spp", "4096"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True, preexec_fn=heed)
+    command = [
+        sys.executable,
+        "-m",
+        "whitted.cli",
+        "render",
+        str(SCENE),
+        "-o",
+        str(tmp_path / "a.exr"),
+        "--spp",
+        "4096",
+    ]
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        preexec_fn=heed,
+    )
     while cpu_seconds(process.pid) < 5:
         assert process.poll() is None
         time.sleep(0.1)
@@ -249,8 +332,18 @@ def test_without_llvm(tmp_path):
     missing = str(tmp_path / "libLLVM.so")
     environment = {**os.environ, "DRJIT_LIBLLVM_PATH": missing}
     for arguments in (["render"], ["gradient", "--wrt", "camera.fov"]):
-        command = [sys.executable, "-m", "whitted.cli", *arguments, str(SCENE), "-o", str(tmp_path / "a.exr")]
-        process = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        command = [
+            sys.executable,
+            "-m",
+            "whitted.cli",
+            *arguments,
+            str(SCENE),
+            "-o",
+            str(tmp_path / "a.exr"),
+        ]
+        process = subprocess.run(
+            command, env=environment, capture_output=True, text=True, check=False
+        )
         assert process.returncode == 2
         assert missing in process.stderr
         assert process.stderr.count("\n") == 1
@@ -271,9 +364,27 @@ def test_error_chooses_the_samples(tmp_path, capsys, monkeypatch):
     offered = [Setting(4, False, 1.0), Setting(1, False, 2.0), Setting(4, True, 3.0)]
     monkeypatch.setattr("whitted.rendering.auto_samples.settings", lambda *_: offered)
     out = tmp_path / "a.exr"
-    assert run(["render", str(SCENE), "-o", str(out), "--size", "24x16", "--depth", "3", "--error", "0.5"]) == 0
+    assert (
+        run(
+            [
+                "render",
+                str(SCENE),
+                "-o",
+                str(out),
+                "--size",
+                "24x16",
+                "--depth",
+                "3",
+                "--error",
+                "0.5",
+            ]
+        )
+        == 0
+    )
     assert "for an error of 0.5: spp 4, plain samples" in capsys.readouterr().out
-    expected = wt.render(wt.load_scene(SCENE), 4, boundary=False, max_depth=3, resolution=(24, 16)).numpy()
+    expected = wt.render(
+        wt.load_scene(SCENE), 4, boundary=False, max_depth=3, resolution=(24, 16)
+    ).numpy()
     np.testing.assert_array_equal(wt.read_image(out).numpy(), expected)
     assert run(["render", str(SCENE), "-o", str(out), "--size", "24x16", "--error", "1e-9"]) == 2
     assert "is below what is tried" in capsys.readouterr().err
@@ -292,7 +403,9 @@ def picture(tmp_path):
         '[[spheres]]\ncenter = [0, 0, 0]\nradius = 0.9   # a guess\nmaterial = "red"\n'
     )
     target = tmp_path / "target.exr"
-    wt.write_image(target, wt.render(wt.load_scene(path).replace({"spheres.sphere0.radius": 1.0}), 16))
+    wt.write_image(
+        target, wt.render(wt.load_scene(path).replace({"spheres.sphere0.radius": 1.0}), 16)
+    )
     return str(path), str(target)
 
 
@@ -301,12 +414,22 @@ def test_fit_writes_what_it_found(picture, tmp_path, capsys):
     assert run(["fit", *picture, *FIT, "-o", str(out)]) == 0
     text = capsys.readouterr().out
     assert re.search(r"spheres\.sphere0\.radius +(1\.00|0\.99)\d* \+- ", text)
-    names = {"scene.toml", "target.png", "start.png", "result.png", "difference.png", "convergence.png", "animation.gif"}
+    names = {
+        "scene.toml",
+        "target.png",
+        "start.png",
+        "result.png",
+        "difference.png",
+        "convergence.png",
+        "animation.gif",
+    }
     assert {path.name for path in out.iterdir()} == names
     assert all(name in text for name in names)
     scene = (out / "scene.toml").read_text()
     assert "# a guess" in scene
-    assert wt.load_scene(out / "scene.toml").parameters()["spheres.sphere0.radius"].numpy()[0] == pytest.approx(1, abs=0.01)
+    assert wt.load_scene(out / "scene.toml").parameters()["spheres.sphere0.radius"].numpy()[
+        0
+    ] == pytest.approx(1, abs=0.01)
     with Image.open(out / "animation.gif") as animation:
         assert animation.n_frames >= 2
         assert animation.size == (48, 24)
@@ -315,18 +438,53 @@ def test_fit_writes_what_it_found(picture, tmp_path, capsys):
 def test_fit_with_all_options(picture, tmp_path, capsys):
     mask = tmp_path / "mask.png"
     wt.write_image(mask, np.ones((24, 24, 3)))
-    options = ["--bound", "spheres.sphere0.radius=0.5:0.95", "--mask", str(mask), "--gain", "--method", "adam", "--starts", "2"]
-    assert run(["fit", *picture, *FIT, *options, "--depth", "1", "--size", "24x24", "-o", str(tmp_path / "out")]) == 0
+    options = [
+        "--bound",
+        "spheres.sphere0.radius=0.5:0.95",
+        "--mask",
+        str(mask),
+        "--gain",
+        "--method",
+        "adam",
+        "--starts",
+        "2",
+    ]
+    assert (
+        run(
+            [
+                "fit",
+                *picture,
+                *FIT,
+                *options,
+                "--depth",
+                "1",
+                "--size",
+                "24x24",
+                "-o",
+                str(tmp_path / "out"),
+            ]
+        )
+        == 0
+    )
     assert "iterations; loss" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--wrt", "spheres.sphere0.radius", "--size", "8x8"], "target: expected an image of 8 x 8 pixels"),
+        (
+            ["--wrt", "spheres.sphere0.radius", "--size", "8x8"],
+            "target: expected an image of 8 x 8 pixels",
+        ),
         (["--wrt", "spheres.ball.radius"], "no parameter 'spheres.ball.radius'"),
-        (["--wrt", "spheres.sphere0.radius", "--bound", "spheres.sphere0.radius"], "--bound: expected NAME=LOW:HIGH"),
-        (["--wrt", "spheres.sphere0.radius", "--bound", "spheres.sphere0.radius=1:2"], "starts at 0.9, outside [1, 2]"),
+        (
+            ["--wrt", "spheres.sphere0.radius", "--bound", "spheres.sphere0.radius"],
+            "--bound: expected NAME=LOW:HIGH",
+        ),
+        (
+            ["--wrt", "spheres.sphere0.radius", "--bound", "spheres.sphere0.radius=1:2"],
+            "starts at 0.9, outside [1, 2]",
+        ),
         (["--wrt", "materials.red.ior", "--iterations", "1"], "depends on none of the parameters"),
     ],
 )
@@ -337,7 +495,10 @@ def test_fit_refuses_bad_input(picture, tmp_path, capsys, options, message):
 
 
 def test_fit_refuses_folders_that_it_cannot_write(picture, capsys):
-    for out, message in (("/no/such/folder", "there is no folder"), (picture[0], "is a file; name a folder")):
+    for out, message in (
+        ("/no/such/folder", "there is no folder"),
+        (picture[0], "is a file; name a folder"),
+    ):
         assert run(["fit", *picture, *FIT, "-o", out]) == 2
         assert message in capsys.readouterr().err
 

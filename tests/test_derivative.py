@@ -1,4 +1,6 @@
-"""Derivatives of images by every parameter, in both modes, against differences and against each other."""
+"""Derivatives of images by every parameter, in both modes, against differences and against each
+other.
+"""
 
 import re
 from pathlib import Path
@@ -6,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gradcheck import adjoint_error, compare, directions, jvp, vjp
-from samples import CAMERA, LIGHT, SECOND_LIGHT, SKY, plane, sphere
+from samples import CAMERA, LIGHT, SECOND_LIGHT, SKY, SUN, disc, plane, sphere
 from samples import render_plain as render
 
 from whitted.scene.files import load_scene
@@ -47,6 +49,14 @@ reflection = 0.3
 refraction = 0.6
 ior = 1.7
 shadow = 0.5
+[materials.lacquer]
+color = [0.2, 0.05, 0.1]
+specular = 0.1
+shininess = 8.0
+reflection = 0.7
+ior = 1.6
+shadow = 0.8
+fresnel = true
 [materials.checks]
 color = [0.9, 0.1, 0.2]
 specular = 0.1
@@ -60,29 +70,34 @@ OBJECTS = (
     + sphere([-0.75, -0.15, 0.15], 0.3, "air")
     + sphere([0.7, -0.3, 0.5], 0.45, "tinted")
     + sphere([0.15, 0.5, -0.6], 0.6, "mirror")
+    + sphere([0.62, -0.2, 0.62], 0.2, "lacquer")
     + plane([0.1, 2, 0.05], 0.8, "checks")
+    + disc([-0.1, 0.75, 0.4], [0.2, 1, 0.5], 0.4, "tinted")
 )
-ALL = "max_depth = 4\n" + SKY + CAMERA + MATERIALS + OBJECTS + LIGHT + SECOND_LIGHT
+ALL = "max_depth = 4\n" + SKY + CAMERA + MATERIALS + OBJECTS + LIGHT + SECOND_LIGHT + SUN
 NAMES = [
-    *(f"spheres.sphere{k}.{field}" for k in range(4) for field in ("center", "radius")),
+    *(f"spheres.sphere{k}.{field}" for k in range(5) for field in ("center", "radius")),
     *(f"planes.plane0.{field}" for field in ("normal", "offset")),
+    *(f"discs.disc0.{field}" for field in ("center", "normal", "radius")),
     *(
         f"materials.{name}.{field}"
-        for name in ("mirror", "glass", "air", "tinted", "checks")
+        for name in ("mirror", "glass", "air", "tinted", "lacquer", "checks")
         for field in ("color", "specular", "shininess", "reflection", "refraction", "ior", "shadow")
     ),
     *(f"materials.checks.checker.{field}" for field in ("color", "size")),
     *(f"lights.light{k}.{field}" for k in range(2) for field in ("position", "intensity")),
+    *(f"lights.light2.{field}" for field in ("direction", "irradiance")),
     *("camera.position", "camera.look_at", "camera.fov", "background", "ambient"),
 ]
 HARD = re.sub("shadow = .*\n", "", ALL)
-# Nothing of these can be seen: opaque things have no index, no light comes from below the floor, and a cell's size moves
-# nothing but edges
+# Nothing of these can be seen: opaque things have no index, no light comes from below the floor;
+# the size of a cell and the radius of a disc move nothing but edges
 WITHOUT_EFFECT = {
     "materials.mirror.ior",
     "materials.checks.ior",
     "materials.checks.shadow",
     "materials.checks.checker.size",
+    "discs.disc0.radius",
 }
 
 
@@ -97,9 +112,14 @@ def test_all_parameters_are_tested(load):
 
 
 def only(values, name):
-    """A direction in which this parameter alone moves; with all of them differentiable, one kernel serves all names."""
+    """A direction in which this parameter alone moves; with all of them differentiable, one kernel
+    serves all names.
+    """
     moving = directions({name: values[name]})
-    return {other: moving.get(other, np.zeros(np.shape(value.numpy()))) for other, value in values.items()}
+    return {
+        other: moving.get(other, np.zeros(np.shape(value.numpy())))
+        for other, value in values.items()
+    }
 
 
 def check_differences(image, values, tangents, name):
@@ -132,6 +152,9 @@ ALONE = [
     "materials.checks.color",
     "materials.checks.checker.color",
     "materials.tinted.shadow",
+    "materials.lacquer.ior",
+    "discs.disc0.normal",
+    "lights.light2.direction",
     "lights.light1.intensity",
     "background",
     "camera.fov",
@@ -141,7 +164,9 @@ ALONE = [
 @pytest.mark.parametrize("name", ALONE)
 @pytest.mark.parametrize("text", [ALL, HARD], ids=["partial shadows", "full shadows"])
 def test_one_parameter_alone(load, image_of, text, name):
-    """The kernels that are compiled for one parameter only, which leave out all light that it does not change."""
+    """The kernels that are compiled for one parameter only, which leave out all light that it does
+    not change.
+    """
     scene = load(text)
     image, values = image_of(scene, resolution=(24, 18)), scene.parameters(name)
     check_differences(image, values, directions(values), name)
@@ -152,7 +177,10 @@ def test_index_of_what_is_around_the_camera(load, image_of):
     """It bends rays at other spheres, before they meet anything whose parameters change."""
     around = sphere([0, 0, 1.5], 2.5, "glass") + sphere([0.1, 0.1, 0.3], 0.8, "air")
     scene = load("max_depth = 4\n" + SKY + CAMERA + MATERIALS + around + LIGHT)
-    image, values = image_of(scene, resolution=(24, 18), max_depth=2), scene.parameters("materials.glass.ior")
+    image, values = (
+        image_of(scene, resolution=(24, 18), max_depth=2),
+        scene.parameters("materials.glass.ior"),
+    )
     check_differences(image, values, directions(values), "materials.glass.ior")
     assert adjoint_error(image, values, directions(values)) < 1e-10
 
@@ -176,16 +204,24 @@ def test_single_precision_has_the_same_derivatives(load, image_of):
     for precision in ("single", "double"):
         scene = load(ALL, precision)
         image, values = image_of(scene, max_depth=2), scene.parameters()
-        weights = np.random.default_rng(3).uniform(0, 1, (12, 16, 3)).astype(f"f{8 if precision == 'double' else 4}")
+        weights = (
+            np.random.default_rng(3)
+            .uniform(0, 1, (12, 16, 3))
+            .astype(f"f{8 if precision == 'double' else 4}")
+        )
         gradients[precision] = vjp(image, values, weights)
     for name, exact in gradients["double"].items():
         scale = abs(exact).max() or 1
         # Hundreds of terms of both signs with errors of 1e-6 each at curved surfaces
-        np.testing.assert_allclose(gradients["single"][name], exact, rtol=0, atol=1e-3 * scale, err_msg=name)
+        np.testing.assert_allclose(
+            gradients["single"][name], exact, rtol=0, atol=1e-3 * scale, err_msg=name
+        )
 
 
 def test_derivative_by_a_reflection_of_zero_is_what_the_mirror_would_show(load, image_of):
-    """L = (light of the surface) + reflection * (radiance of the mirrored ray), down to reflection = 0."""
+    """L = (light of the surface) + reflection * (radiance of the mirrored ray), down to reflection
+    = 0.
+    """
     dull = load(ALL.replace("reflection = 0.8", "reflection = 0"))
     mirror = load(ALL.replace("reflection = 0.8", "reflection = 1"))
     name = "materials.mirror.reflection"
@@ -198,21 +234,28 @@ def test_derivative_by_a_reflection_of_zero_is_what_the_mirror_would_show(load, 
     one = {name: np.ones(1)}
     np.testing.assert_allclose(jvp(image, values, one), shown, rtol=0, atol=1e-14)
     weights = np.random.default_rng(2).uniform(-1, 1, shown.shape)
-    np.testing.assert_allclose(vjp(image, values, weights)[name], np.sum(weights * shown), rtol=1e-12)
+    np.testing.assert_allclose(
+        vjp(image, values, weights)[name], np.sum(weights * shown), rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("field", ["reflection", "refraction"])
 @pytest.mark.parametrize("material", ["glass", "tinted"])
 def test_derivative_by_a_weight_of_zero_in_glass(load, image_of, material, field):
-    """Glass that neither shows nor passes anything yet: the image is linear in a weight up to the tree's next such node."""
+    """Glass that neither shows nor passes anything yet: the image is linear in a weight up to the
+    tree's next such node.
+    """
     head, tail = ALL.split(f"[materials.{material}]")
     body, *rest = tail.split("[materials.", 1)
     lines = [f"{field} = 0" if line.startswith(field) else line for line in body.splitlines()]
-    scene = load("[materials.".join([head + f"[materials.{material}]" + "\n".join(lines) + "\n", *rest]))
+    scene = load(
+        "[materials.".join([head + f"[materials.{material}]" + "\n".join(lines) + "\n", *rest])
+    )
     name = f"materials.{material}.{field}"
     values, image = scene.parameters(name), image_of(scene, max_depth=2)
     if field == "refraction":
-        # Without it the sphere holds no medium; its weight is a product with rays that are bent by none
+        # Without it the sphere holds no medium; its weight is a product with rays that are bent by
+        # none
         tangent = jvp(image, values, {name: np.ones(1)})
         assert np.isfinite(tangent).all()
         assert np.any(tangent)

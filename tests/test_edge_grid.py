@@ -44,7 +44,15 @@ def edges_of(pairs, singular, weight) -> Crossings:
     """An edge midway in each of the pairs."""
     n = len(pairs)
     none = np.zeros((3, n))
-    return Crossings(np.arange(n), pairs.length / 2, none, none[:2], np.full(n, weight), singular, np.ones(n, bool))
+    return Crossings(
+        np.arange(n),
+        pairs.length / 2,
+        none,
+        none[:2],
+        np.full(n, weight),
+        singular,
+        np.ones(n, bool),
+    )
 
 
 @pytest.mark.parametrize("both", [True, False])
@@ -54,7 +62,9 @@ def test_a_sample_between_two_edges_is_taken_whole(both):
     pixels = [[-1, 0], [-1, 2], [0, 1], [2, 3]]
     assert pairs.pixel.T.tolist() == pixels
     singular = np.array([both, both, True, True])
-    lines, pair, taken = intervals_beside(edges_of(pairs, singular, 1.0), pairs, pairs.ends(np.flatnonzero(singular)))
+    lines, pair, taken = intervals_beside(
+        edges_of(pairs, singular, 1.0), pairs, pairs.ends(np.flatnonzero(singular))
+    )
     assert pairs.pixel.T[pair].tolist() == (pixels if both else pixels[2:])
     assert taken.T.tolist() == ([[0, 0.5]] * 2 + [[0.5, 1]] * 2 if both else [[1, 1]] * 2)
     assert lines.start.tolist() == ([-0.5] * 2 + [0] * 2 if both else [-0.5] * 2)
@@ -65,15 +75,24 @@ def test_a_sample_between_two_edges_is_taken_whole(both):
 def test_pairs_across_an_edge_take_what_pairs_along_it_leave(weight, taken):
     pairs = dense_pairs(STEP)
     every = np.ones(len(pairs), bool)
-    lines, _, parts = intervals_beside(edges_of(pairs, every, weight), pairs, pairs.ends(np.arange(len(pairs))))
+    lines, _, parts = intervals_beside(
+        edges_of(pairs, every, weight), pairs, pairs.ends(np.arange(len(pairs)))
+    )
     np.testing.assert_allclose(parts, taken, atol=1e-12)
     np.testing.assert_allclose(lines.weight, taken, atol=1e-12)
 
 
 def test_labels_of_two_halves_differ_in_both():
-    """As where a node's weight depends on the angle: a node that comes to weigh enough for one half is no edge."""
+    """As where a node's weight depends on the angle: a node that comes to weigh enough for one half
+    is no edge.
+    """
     one = STEP.astype(np.uint64)
-    for labels, edges in ((one, 0), (one << 32, 0), (one | one << 32, 2), (one | STEP.T.astype(np.uint64) << 32, 0)):
+    for labels, edges in (
+        (one, 0),
+        (one << 32, 0),
+        (one | one << 32, 2),
+        (one | STEP.T.astype(np.uint64) << 32, 0),
+    ):
         assert len(dense_pairs(labels)) == edges
     samples = band_samples(one | one << 32, 1, 0)
     assert label_counts(samples, np.arange(4)).tolist() == [2] * 4
@@ -93,7 +112,8 @@ def test_several_samples_a_pixel():
 def test_labels_are_counted_among_the_nearest():
     labels = np.array([[9, 1, 1, 9], [1, 1, 2, 2], [3, 3, 2, 2], [9, 3, 2, 9]], np.uint32)
     samples = band_samples(labels, 1, 0)
-    # Pixel 0 sees 1, 2, 3; pixel 1 sees 1, 2; pixel 2 sees 1, 2, 3; pixel 3 only 2 and 3; corners do not count
+    # Pixel 0 sees 1, 2, 3; pixel 1 sees 1, 2; pixel 2 sees 1, 2, 3; pixel 3 only 2 and 3; corners
+    # do not count
     assert label_counts(samples, np.arange(4)).tolist() == [3, 2, 3, 2]
 
 
@@ -114,7 +134,9 @@ def test_one_edge_at_a_single_sample_does_not_crowd_it(side, pixels):
 def test_finer_samples_fill_a_pixel_with_a_ring_around_it():
     samples, traced = fine_samples(np.array([5]), 2, 4, first_row=3)
     np.testing.assert_array_equal(samples.x.reshape(4, 4), [[0.75, 1.25, 1.75, 2.25]] * 4)
-    np.testing.assert_array_equal(samples.y.reshape(4, 4), np.array([[3.75, 4.25, 4.75, 5.25]] * 4).T)
+    np.testing.assert_array_equal(
+        samples.y.reshape(4, 4), np.array([[3.75, 4.25, 4.75, 5.25]] * 4).T
+    )
     assert (samples.pixel >= 0).sum() == 4
     # All but the corners
     assert sorted({0, 3, 12, 15} | set(traced.tolist())) == list(range(16))
@@ -128,16 +150,32 @@ def test_finer_samples_of_neighbours_are_traced_once(step, columns):
     assert len(traced) == 24 - 4
     assert samples.x.tolist() == samples.x.take(samples.twin).tolist()
     assert samples.y.tolist() == samples.y.take(samples.twin).tolist()
-    assert set(samples.twin[np.delete(np.arange(32), traced)].tolist()) <= {*traced.tolist(), 0, 3, 12, 15, 16, 19, 28, 31}
+    assert set(samples.twin[np.delete(np.arange(32), traced)].tolist()) <= {
+        *traced.tolist(),
+        0,
+        3,
+        12,
+        15,
+        16,
+        19,
+        28,
+        31,
+    }
     # Not of the last pixel of a row and the first of the next
     assert len(fine_samples(np.array([3, 4]), 2, 4, first_row=0)[1]) == 24
     # An edge between them is found once, by the first, and belongs to both
-    labels = np.where(samples.pixel.take(samples.twin) == 5 + step, 2, 1).astype(np.uint32).reshape(2, 4, 4)
+    labels = (
+        np.where(samples.pixel.take(samples.twin) == 5 + step, 2, 1)
+        .astype(np.uint32)
+        .reshape(2, 4, 4)
+    )
     labels[1] = [[2, 2, 2, 3]] * 4 if step == 1 else [[2] * 4] * 3 + [[3] * 4]
     samples = replace(samples, labels=labels)
     pairs = pairs_of(samples, *neighbours_across_edges(samples))
     assert sorted(pairs.pixel.T.tolist()) == [[5, 5 + step]] * 2 + [[5 + step, -1]] * 2
-    assert set(pairs.sample[1][pairs.pixel[1] >= 0].tolist()) == ({21, 25} if step == 1 else {21, 22})
+    assert set(pairs.sample[1][pairs.pixel[1] >= 0].tolist()) == (
+        {21, 25} if step == 1 else {21, 22}
+    )
 
 
 def test_finer_pairs_count_only_in_their_pixel():
@@ -151,7 +189,12 @@ def test_finer_pairs_count_only_in_their_pixel():
 
 def test_values_of_one_pixel_add_up_and_those_of_none_are_dropped():
     image = np.zeros(6)
-    deposit(image, np.array([[2, -1], [2, 0]]), np.array([[1.0, 2], [3, 4]]), np.array([[10.0, 20], [30, 40]]))
+    deposit(
+        image,
+        np.array([[2, -1], [2, 0]]),
+        np.array([[1.0, 2], [3, 4]]),
+        np.array([[10.0, 20], [30, 40]]),
+    )
     np.testing.assert_array_equal(image, [4, 40, 0, 0, 4, 40])
 
 
@@ -182,7 +225,9 @@ def interval(edge, rooted, length=0.5) -> Interval:
 @pytest.mark.parametrize("edge", [0.05, 0.25, 0.4])
 @pytest.mark.parametrize("pieces", [1, 4])
 def test_samples_beside_an_edge_stand_for_both_cells(edge, rooted, pieces):
-    """Each pixel's weights add up to its length, and all samples are on the line, on the side that they stand for."""
+    """Each pixel's weights add up to its length, and all samples are on the line, on the side that
+    they stand for.
+    """
     x, y, weight, in_b, behind = nodes(interval(edge, rooted), pieces)
     np.testing.assert_allclose([weight[~in_b].sum(), weight[in_b].sum()], 2 * 0.5)
     assert np.all(x == 3)
@@ -193,7 +238,9 @@ def test_samples_beside_an_edge_stand_for_both_cells(edge, rooted, pieces):
 @pytest.mark.parametrize("rooted", [True, False])
 @pytest.mark.parametrize("pieces", [1, 4])
 def test_samples_beside_an_edge_integrate_the_square_root(rooted, pieces):
-    """a + b sqrt(distance) + c distance on the one side, a line on the other, the edge midway (Gauss's rule is exact)."""
+    """a + b sqrt(distance) + c distance on the one side, a line on the other, the edge midway
+    (Gauss's rule is exact).
+    """
     _, y, weight, _, behind = nodes(interval(0.25, rooted), pieces)
     distance = abs(y - 2.25)
     seen = np.where(behind == rooted, 1 + 3 * np.sqrt(distance) + 5 * distance, 7 - 2 * distance)

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
-# A coarse picture tells less: errors in units of the number's own size, and pictures of at least this size where needed
+# A coarse picture tells less: errors in units of the number's own size, and pictures of at least
+# this size where needed
 ALLOWED = {
     "camera_pose": (48, 0.01),
     "glass_ball": (48, 0.01),
@@ -60,7 +61,11 @@ def test_example_recovers_its_scene(name, run, tmp_path):
 
 
 def error_bars_cover_the_truth(text):
-    errors = [float(number) for line in re.findall(r"deviations: \[(.*)\]", text) for number in line.split()]
+    errors = [
+        float(number)
+        for line in re.findall(r"deviations: \[(.*)\]", text)
+        for number in line.split()
+    ]
     # Of twelve numbers from normal distributions one is beyond 4 in 1 of 1300 runs
     assert len(errors) == 12
     assert max(map(abs, errors)) < 4

@@ -1,4 +1,6 @@
-"""Pictures in diverging colours: their sizes, their colours, their scale, and what is printed on them."""
+"""Pictures in diverging colours: their sizes, their colours, their scale, and what is printed on
+them.
+"""
 
 import numpy as np
 import pytest
@@ -57,11 +59,18 @@ def test_bar_has_the_colors_of_the_scale(tmp_path, ramp):
     bar = picture[top : top + BAR, MARGIN:-MARGIN]
     assert (bar == bar[0]).all()
     assert (bar[0, [0, bar.shape[1] // 2, -1]] == [NEGATIVE, [255] * 3, POSITIVE]).all()
-    for row, column in ((top - 1, MARGIN), (top + BAR, MARGIN + 40), (top, MARGIN - 1), (top, -MARGIN)):
+    for row, column in (
+        (top - 1, MARGIN),
+        (top + BAR, MARGIN + 40),
+        (top, MARGIN - 1),
+        (top, -MARGIN),
+    ):
         assert (picture[row, column] == PAPER).all()
 
 
-@pytest.mark.parametrize("title", ["d image / d camera.fov", "d image / d " + "long_" * 60 + ".radius"])
+@pytest.mark.parametrize(
+    "title", ["d image / d camera.fov", "d image / d " + "long_" * 60 + ".radius"]
+)
 def test_text_is_where_it_can_be_read(tmp_path, printed, title):
     image = np.zeros((10, 24, 3))
     image[3, 4:8], image[5, 6] = 0.5, -9.0
@@ -119,7 +128,9 @@ def test_no_numbers(tmp_path):
 def test_what_is_refused(tmp_path, monkeypatch):
     with pytest.raises(ValueError, match=r"a\.exr: expected a file name that ends in \.png"):
         write_diverging(tmp_path / "a.exr", np.zeros((2, 2, 3)), "title")
-    with pytest.raises(ValueError, match=r"a\.png: expected an image of shape \(height, width, 3\), got \(2, 2\)"):
+    with pytest.raises(
+        ValueError, match=r"a\.png: expected an image of shape \(height, width, 3\), got \(2, 2\)"
+    ):
         write_diverging(tmp_path / "a.png", np.zeros((2, 2)), "title")
 
     def fail(*_, **__):

@@ -1,6 +1,8 @@
-"""What a machine does to a render: full disks, folders that go, broken caches of kernels, signals, little memory.
+"""What a machine does to a render: full disks, folders that go, broken caches of kernels, signals,
+little memory.
 
-A file is whole, the old one or the new one, or there is none; a message is one line, and the exit status is not 0.
+A file is whole, the old one or the new one, or there is none; a message is one line, and the exit
+status is not 0.
 """
 
 import os
@@ -27,15 +29,25 @@ def start(out, *options, limits=(), cache=None, **more):
     """A render from the command line in a process of its own, under limits."""
 
     def limit():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # a full disk is an error of the write, not a signal
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # what a shell runs in the background ignores it
+        signal.signal(
+            signal.SIGXFSZ, signal.SIG_IGN
+        )  # a full disk is an error of the write, not a signal
+        signal.signal(
+            signal.SIGINT, signal.SIG_DFL
+        )  # what a shell runs in the background ignores it
         for kind, value in limits:
             resource.setrlimit(kind, (value, value))
 
     command = [sys.executable, "-m", "whitted.cli", "render", str(SCENE), "-o", str(out), *options]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), **({"DRJIT_CACHE_DIR": str(cache)} if cache else {})}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(ROOT),
+        **({"DRJIT_CACHE_DIR": str(cache)} if cache else {}),
+    }
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen(command, env=environment, preexec_fn=limit, restore_signals=False, **pipes, **more)
+    return subprocess.Popen(
+        command, env=environment, preexec_fn=limit, restore_signals=False, **pipes, **more
+    )
 
 
 def finish(process):
@@ -53,10 +65,17 @@ def names(folder):
 def test_full_disk_leaves_the_old_image(tmp_path, limit):
     """A disk that takes no byte, less than a buffer, or a part of the file."""
     out, size = tmp_path / "a.exr", ["--size", "96x96" if limit > 500 else "8x8", "--no-boundary"]
-    assert run(["render", str(SCENE), "-o", str(out), *size]) == 0  # compiles, so that no cache is written to later
+    assert (
+        run(["render", str(SCENE), "-o", str(out), *size]) == 0
+    )  # compiles, so that no cache is written to later
     old = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    status, error = finish(start(out, *size, "--depth", "1", limits=[(resource.RLIMIT_FSIZE, limit)]))
-    assert (status, error) == (2, [f"{out}: cannot be read or written: cannot be written; is the disk full?"])
+    status, error = finish(
+        start(out, *size, "--depth", "1", limits=[(resource.RLIMIT_FSIZE, limit)])
+    )
+    assert (status, error) == (
+        2,
+        [f"{out}: cannot be read or written: cannot be written; is the disk full?"],
+    )
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == old
 
 
@@ -86,7 +105,9 @@ for height in (1, 15, 16, 17, 60):
 def test_no_part_of_an_exr_is_taken_for_the_whole(tmp_path):
     """Wherever the disk is full, in the header, in the offsets or in the pixels."""
     command, environment = [sys.executable, "-c", WRITE], {**os.environ, "PYTHONPATH": str(ROOT)}
-    process = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    process = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
     assert process.returncode == 0, process.stderr
     assert len(names(tmp_path)) == 6
 
@@ -101,7 +122,10 @@ def test_folder_that_vanishes(tmp_path, capsys, monkeypatch):
 
     monkeypatch.setattr(wt, "render", render_and_remove)
     assert run(["render", str(SCENE), "-o", str(folder / "a.exr"), *SMALL]) == 2
-    assert capsys.readouterr().err == f"{folder / 'a.exr'}: cannot be read or written: No such file or directory\n"
+    assert (
+        capsys.readouterr().err
+        == f"{folder / 'a.exr'}: cannot be read or written: No such file or directory\n"
+    )
     assert names(tmp_path) == []
 
 
@@ -188,7 +212,9 @@ def cpu_seconds(pid):
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, -signal.SIGTERM)])
+@pytest.mark.parametrize(
+    ("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, -signal.SIGTERM)]
+)
 def test_signal_leaves_the_old_image(tmp_path, number, status):
     """In a render that would take minutes."""
     out = tmp_path / "a.exr"
@@ -207,12 +233,16 @@ def test_signal_leaves_the_old_image(tmp_path, number, status):
 @pytest.mark.parametrize("module", ["drjit", "typer"])
 def test_interrupt_while_the_command_starts(tmp_path, module):
     """In the half second in which it imports what it needs."""
-    (tmp_path / f"{module}.py").write_text("import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(1)")
+    (tmp_path / f"{module}.py").write_text(
+        "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(1)"
+    )
     script = tmp_path / "whitted"
     script.write_text("from whitted.cli import main\nmain()")
     environment = {**os.environ, "PYTHONPATH": f"{tmp_path}:{ROOT}"}
     heeded = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
-    done = subprocess.run([sys.executable, script, "info"], env=environment, preexec_fn=heeded, capture_output=True)
+    done = subprocess.run(
+        [sys.executable, script, "info"], env=environment, preexec_fn=heeded, capture_output=True
+    )
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, b"", b"")
 
 
@@ -220,7 +250,11 @@ def test_memory_that_runs_out(tmp_path):
     """An image of 1648 MiB in 1500 MiB of address space."""
     out = tmp_path / "a.exr"
     out.write_bytes(b"old")
-    status, error = finish(start(out, "--size", "12000x12000", "--no-boundary", limits=[(resource.RLIMIT_AS, 1500 << 20)]))
+    status, error = finish(
+        start(
+            out, "--size", "12000x12000", "--no-boundary", limits=[(resource.RLIMIT_AS, 1500 << 20)]
+        )
+    )
     assert (status, error) == (2, ["not enough memory; use a smaller resolution"])
     assert names(tmp_path) == ["a.exr"]
     assert out.read_bytes() == b"old"
@@ -234,6 +268,10 @@ def test_cache_is_kept_where_it_is_said_to_be(tmp_path):
     assert list(cache.glob("*.bin"))
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "DRJIT_CACHE_DIR": str(cache)}
     told = subprocess.run(
-        [sys.executable, "-m", "whitted.cli", "info"], env=environment, capture_output=True, text=True, check=True
+        [sys.executable, "-m", "whitted.cli", "info"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert f"{cache}\n" in told.stdout

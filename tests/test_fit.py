@@ -1,6 +1,5 @@
 """Fits of one small scene whose answer is known, and everything that can be asked of them wrongly."""
 
-import sys
 import warnings
 
 import drjit as dr
@@ -50,15 +49,21 @@ def target(ball):
 
 
 def test_recovers_position_and_radius(ball, target):
-    """To a hundredth of a pixel of 0.16 across, and five times that along the view, where only its size tells."""
+    """To a hundredth of a pixel of 0.16 across, and five times that along the view, where only its
+    size tells.
+    """
     start = ball.replace({**AWAY, "spheres.ball.radius": 0.6})
     result = wt.fit(start, target, wrt=["spheres.ball.center", "spheres.ball.radius"])
     error = np.abs(np.array(result.parameters["spheres.ball.center"]) - CENTER)
     assert np.all(error < [1.6e-3, 1.6e-3, 8e-3])
     assert result.parameters["spheres.ball.radius"] == pytest.approx(0.8, abs=1.6e-3)
-    np.testing.assert_allclose(result.scene.parameters(*WRT)[WRT[0]].numpy().ravel(), result.parameters[WRT[0]], rtol=1e-6)
+    np.testing.assert_allclose(
+        result.scene.parameters(*WRT)[WRT[0]].numpy().ravel(), result.parameters[WRT[0]], rtol=1e-6
+    )
     assert result.stopped.startswith("converged")
-    assert result.labels == [f"spheres.ball.center.{axis}" for axis in "xyz"] + ["spheres.ball.radius"]
+    assert result.labels == [f"spheres.ball.center.{axis}" for axis in "xyz"] + [
+        "spheres.ball.radius"
+    ]
     assert len({step.resolution for step in result.history}) == 1
     assert result.loss < 1e-3 * result.history[0].loss
 
@@ -83,7 +88,9 @@ def test_coarse_pictures_come_first(ball):
     resolution = (96, 96)
     target = wt.render(ball, 4, resolution=resolution)
     steps = []
-    result = wt.fit(ball.replace(AWAY), target, wrt=WRT, resolution=resolution, callback=steps.append)
+    result = wt.fit(
+        ball.replace(AWAY), target, wrt=WRT, resolution=resolution, callback=steps.append
+    )
     assert [step.iteration for step in steps] == list(range(len(result.history)))
     sizes = [step.resolution for step in steps]
     assert sizes == sorted(sizes)
@@ -91,7 +98,9 @@ def test_coarse_pictures_come_first(ball):
 
 
 def test_halved_targets_are_pictures_at_half_the_resolution(ball):
-    """A pixel is the mean over its area, so four of them are one of the coarser picture, but for its samples' error."""
+    """A pixel is the mean over its area, so four of them are one of the coarser picture, but for
+    its samples' error.
+    """
     fine, coarse = (wt.render(ball, 64, resolution=size).numpy() for size in ((64, 48), (32, 24)))
     halved = view(ball, fine, None, (64, 48), "").halved()
     assert np.abs(halved.target - coarse).max() < 2e-3
@@ -133,7 +142,10 @@ def test_second_derivatives_and_gradients_agree(ball, target):
     objective = Objective(views, tuple(sizes), tuple(sizes.values()), options, gain=True)
     x = np.array([0.5, 0.2, -0.3, 0.7, 0.6, 0.5])
     loss, slope, _ = objective.normal_equations(x)
-    values = {name: type(value)(*split(sizes_as(sizes), x)[name]) for name, value in ball.parameters(*sizes).items()}
+    values = {
+        name: type(value)(*split(sizes_as(sizes), x)[name])
+        for name, value in ball.parameters(*sizes).items()
+    }
     dr.enable_grad(values)
     assert objective.gradient(values) == pytest.approx(loss, rel=1e-5)
     assert objective.loss(x) == pytest.approx(loss, rel=1e-5)
@@ -146,7 +158,9 @@ def sizes_as(sizes):
 
 
 def test_error_bars_are_those_of_the_noise(ball, target):
-    """Over ten pictures with noise, the errors' mean square in units of the bars is 1, give or take 4 sigma of it."""
+    """Over ten pictures with noise, the errors' mean square in units of the bars is 1, give or take
+    4 sigma of it.
+    """
     random, scores = np.random.default_rng(3), []
     for _ in range(10):
         noisy = target.numpy() + random.normal(scale=0.02, size=target.shape)
@@ -169,17 +183,34 @@ def test_several_starts_find_what_one_does_not(ball):
 @pytest.mark.parametrize("method", ["lm", "adam"])
 def test_bounds_hold_and_are_told(ball, target, method):
     name = "spheres.ball.radius"
-    result = wt.fit(ball.replace({name: 0.6}), target, wrt=[name], bounds={name: (None, 0.7)}, method=method, iterations=60)
+    result = wt.fit(
+        ball.replace({name: 0.6}),
+        target,
+        wrt=[name],
+        bounds={name: (None, 0.7)},
+        method=method,
+        iterations=60,
+    )
     assert result.parameters[name] == pytest.approx(0.7)
     assert result.notes == [f"{name} was held at its bound 0.7"]
 
 
 def test_default_bounds(ball):
-    names = ["spheres.ball.radius", "materials.red.color", "materials.red.ior", "camera.fov", "camera.position"]
+    names = [
+        "spheres.ball.radius",
+        "materials.red.color",
+        "materials.red.ior",
+        "camera.fov",
+        "camera.position",
+    ]
     low, high = bounds_of(ball, names, {})
     assert low.tolist() == pytest.approx([8e-4, 0, 0, 0, 1, 0.05, -np.inf, -np.inf, -np.inf])
-    assert high.tolist() == pytest.approx([np.inf, 1, 1, 1, np.inf, 180, np.inf, np.inf, np.inf], abs=1e-2)
-    assert bounds_of(ball.replace({"materials.red.ior": 0.7}), ["materials.red.ior"], {})[0][0] < 0.7
+    assert high.tolist() == pytest.approx(
+        [np.inf, 1, 1, 1, np.inf, 180, np.inf, np.inf, np.inf], abs=1e-2
+    )
+    assert (
+        bounds_of(ball.replace({"materials.red.ior": 0.7}), ["materials.red.ior"], {})[0][0] < 0.7
+    )
     assert (scales_of(ball, names) > 0).all()
 
 
@@ -220,7 +251,9 @@ def test_later_iterations_compile_nothing(ball, target, method):
         compiled = []
 
         def count(step):
-            compiled.append(sum(not entry["cache_hit"] for entry in dr.kernel_history([dr.KernelType.JIT])))
+            compiled.append(
+                sum(not entry["cache_hit"] for entry in dr.kernel_history([dr.KernelType.JIT]))
+            )
 
         wt.fit(ball.replace(AWAY), target, wrt=WRT, method=method, iterations=8, callback=count)
     assert len(compiled) > 5
@@ -258,7 +291,11 @@ def bad(**options):
         ({"bounds": {WRT[0]: (0.3, 1)}}, ValueError, r"starts at 0.2, -0.1, 0, outside \[0.3, 1\]"),
         ({"bounds": {WRT[0]: (1, 0)}}, ValueError, "is not below the highest"),
         ({"bounds": {WRT[0]: 3}}, ValueError, r"expected \(lowest, highest\), got 3"),
-        ({"wrt": ["materials.red.color"], "bounds": {"materials.red.color": (0, 2)}}, ValueError, "not within what is legal"),
+        (
+            {"wrt": ["materials.red.color"], "bounds": {"materials.red.color": (0, 2)}},
+            ValueError,
+            "not within what is legal",
+        ),
     ],
 )
 def test_bad_arguments(ball, target, options, error, match):
@@ -285,14 +322,24 @@ def test_bad_targets(ball, target):
 
 def test_what_is_not_a_number_is_named(ball, target, monkeypatch):
     start = ball.replace(AWAY)
-    monkeypatch.setattr(Objective, "normal_equations", lambda self, x: (np.nan, np.zeros(3), np.eye(3)))
-    with pytest.raises(ValueError, match=r"the loss became nan in iteration 0, at spheres\.ball\.center\.x = 0\.5"):
+    monkeypatch.setattr(
+        Objective, "normal_equations", lambda self, x: (np.nan, np.zeros(3), np.eye(3))
+    )
+    with pytest.raises(
+        ValueError, match=r"the loss became nan in iteration 0, at spheres\.ball\.center\.x = 0\.5"
+    ):
         wt.fit(start, target, wrt=WRT)
-    monkeypatch.setattr(Objective, "normal_equations", lambda self, x: (1.0, np.array([0, np.inf, 0]), np.eye(3)))
-    with pytest.raises(ValueError, match=r"the derivative by spheres\.ball\.center\.y is not finite in iteration 0"):
+    monkeypatch.setattr(
+        Objective, "normal_equations", lambda self, x: (1.0, np.array([0, np.inf, 0]), np.eye(3))
+    )
+    with pytest.raises(
+        ValueError, match=r"the derivative by spheres\.ball\.center\.y is not finite in iteration 0"
+    ):
         wt.fit(start, target, wrt=WRT)
     monkeypatch.setattr(Objective, "parameters", lambda self, x: {WRT[0]: [0.0, 0.0, 0.0]})
-    monkeypatch.setattr(Objective, "normal_equations", lambda self, x: (1.0, np.zeros(3), np.eye(3)))
+    monkeypatch.setattr(
+        Objective, "normal_equations", lambda self, x: (1.0, np.zeros(3), np.eye(3))
+    )
     monkeypatch.setattr(fit_module, "start_of", lambda scene, name: np.array([0.0, np.nan, 0.0]))
     with pytest.raises(ValueError, match=r"spheres\.ball\.center\.y became nan in iteration 0"):
         wt.fit(start, target, wrt=WRT)

@@ -24,13 +24,20 @@ def test_recording_is_replayed_for_arguments_of_the_same_structure():
     def doubled(parcel, pair):
         traced.append(parcel.name)
         a, nothing = pair
-        return Parcel(parcel.x * 2, parcel.name + "!", {"sum": parcel.others["y"] + a, "same": (nothing, 7)})
+        return Parcel(
+            parcel.x * 2, parcel.name + "!", {"sum": parcel.others["y"] + a, "same": (nothing, 7)}
+        )
 
     def call(x, name, width):
         others = {"y": dr.arange(ad.Float, width)}
         return doubled(Parcel(dr.opaque(ad.Float, x), name, others), (dr.opaque(ad.Float, 1), None))
 
-    for x, name, width, traces in ((1, "a", 3, ["a"]), (2, "a", 4, ["a"]), (2, "b", 4, ["a", "b"]), (5, "a", 3, ["a", "b"])):
+    for x, name, width, traces in (
+        (1, "a", 3, ["a"]),
+        (2, "a", 4, ["a"]),
+        (2, "b", 4, ["a", "b"]),
+        (5, "a", 3, ["a", "b"]),
+    ):
         result = call(x, name, width)
         assert traced == traces
         assert type(result) is Parcel

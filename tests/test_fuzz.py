@@ -1,4 +1,6 @@
-"""Damaged files: read or refused, a few hundred of them here and as many as wanted by `benchmarks/fuzz.py`."""
+"""Damaged files: read or refused, a few hundred of them here and as many as wanted by
+`benchmarks/fuzz.py`.
+"""
 
 import sys
 from pathlib import Path
@@ -34,7 +36,11 @@ def test_large_or_empty_scene_files_are_refused(tmp_path, number):
 
 
 def test_failure_is_told(tmp_path, capsys):
-    found = [("1.exr", 0.1, "ValueError"), ("2.png", 0.1, "FAILURE: IndexError: of"), ("3.toml", 99.0, "SceneError")]
+    found = [
+        ("1.exr", 0.1, "ValueError"),
+        ("2.png", 0.1, "FAILURE: IndexError: of"),
+        ("3.toml", 99.0, "SceneError"),
+    ]
     assert fuzz.report(iter(found), tmp_path) == 1
     text = capsys.readouterr().out
     assert "2.png: FAILURE: IndexError: of (0.1 s)" in text
@@ -46,5 +52,9 @@ def test_process_that_ends_is_told(tmp_path, monkeypatch):
     """And the batch goes on behind the input that ended it."""
     runs = iter([["0 0.toml 0.100 SceneError", "1 1.exr "], ["2 2.toml 0.100 read"]])
     monkeypatch.setattr(fuzz, "_lines", lambda *_: iter(next(runs)))
-    expected = [("0.toml", 0.1, "SceneError"), ("1.exr", fuzz.SECONDS, "FAILURE: the process ended"), ("2.toml", 0.1, "read")]
+    expected = [
+        ("0.toml", 0.1, "SceneError"),
+        ("1.exr", fuzz.SECONDS, "FAILURE: the process ended"),
+        ("2.toml", 0.1, "read"),
+    ]
     assert list(fuzz.results(0, 3, tmp_path)) == expected

@@ -1,4 +1,6 @@
-"""The gradient checker notices a derivative that is wrong by 0.1 %, in either mode, and ignores jumps."""
+"""The gradient checker notices a derivative that is wrong by 0.1 %, in either mode, and ignores
+jumps.
+"""
 
 import drjit as dr
 import pytest
@@ -22,11 +24,15 @@ class Wave(dr.CustomOp):
     def slopes(self):
         a, phase = self.inputs[0], self.phase()
         by_phase = -dr.sin(3 * a) * dr.sin(phase)
-        return 3 * dr.cos(3 * a) * dr.cos(phase), by_phase * ad.Array3f64(self.x, 2 * self.x, self.x * self.x)
+        return 3 * dr.cos(3 * a) * dr.cos(phase), by_phase * ad.Array3f64(
+            self.x, 2 * self.x, self.x * self.x
+        )
 
     def forward(self):
         by_a, by_b = self.slopes()
-        self.set_grad_out(self.factors[0] * (by_a * self.grad_in("a") + dr.dot(by_b, self.grad_in("b"))))
+        self.set_grad_out(
+            self.factors[0] * (by_a * self.grad_in("a") + dr.dot(by_b, self.grad_in("b")))
+        )
 
     def backward(self):
         by_a, by_b = self.slopes()
@@ -36,7 +42,9 @@ class Wave(dr.CustomOp):
 
 
 def wave(forward=1.0, reverse=1.0):
-    return lambda values: ad.TensorXf64(dr.custom(Wave, values["a"], values["b"], forward, reverse), (4, 4, 3))
+    return lambda values: ad.TensorXf64(
+        dr.custom(Wave, values["a"], values["b"], forward, reverse), (4, 4, 3)
+    )
 
 
 def test_right_derivatives_pass():
@@ -58,7 +66,9 @@ def test_reverse_derivative_wrong_by_a_thousandth_is_caught(wrong):
 
 
 def test_jumps_and_kinks_are_left_out():
-    """The jump moves with a over the number at a = 0.7, the kink over that at b.x = 0.3; all others count."""
+    """The jump moves with a over the number at a = 0.7, the kink over that at b.x = 0.3; all others
+    count.
+    """
 
     def image(values):
         x = dr.arange(ad.Float64, 12) / 10

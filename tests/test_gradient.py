@@ -1,4 +1,6 @@
-"""The derivative of an image by one number: of the right parameter, of the right component, in the right type."""
+"""The derivative of an image by one number: of the right parameter, of the right component, in the
+right type.
+"""
 
 import drjit as dr
 import numpy as np
@@ -10,13 +12,17 @@ from whitted.rendering.api import render
 from whitted.rendering.gradient import gradient
 
 # One matte ball in a light of its own that comes from everywhere, before a black sky
-BALL = scene(sphere([0, 0, 0], 0.7, "red"), sky="background = [0, 0, 0]\nambient = [0.2, 0.3, 0.4]\n")
+BALL = scene(
+    sphere([0, 0, 0], 0.7, "red"), sky="background = [0, 0, 0]\nambient = [0.2, 0.3, 0.4]\n"
+)
 ALBEDO = np.array([0.8, 0.2, 0.1])
 
 
 @pytest.mark.parametrize("component", ["x", "y", "z"])
 def test_ambient_light_has_its_closed_form(load, component):
-    """Ambient light times albedo: the derivative by one channel is that channel's albedo where the ball is."""
+    """Ambient light times albedo: the derivative by one channel is that channel's albedo where the
+    ball is.
+    """
     ball = load(BALL)
     image = gradient(ball, "ambient", component, boundary=False).numpy()
     channel = "xyz".index(component)
@@ -27,8 +33,16 @@ def test_ambient_light_has_its_closed_form(load, component):
 
 
 def test_moving_ball_darkens_behind_and_brightens_before(load):
-    """The boundary term of a motion to the right: nothing inside, red on the right edge and blue on the left one."""
-    image = gradient(load(BALL), "spheres.sphere0.center", "x", 4, terms="boundary", resolution=(32, 24)).numpy().mean(-1)
+    """The boundary term of a motion to the right: nothing inside, red on the right edge and blue on
+    the left one.
+    """
+    image = (
+        gradient(
+            load(BALL), "spheres.sphere0.center", "x", 4, terms="boundary", resolution=(32, 24)
+        )
+        .numpy()
+        .mean(-1)
+    )
     assert image[:, :13].max() <= 0 > image[:, :13].min()
     assert image[:, 19:].min() >= 0 < image[:, 19:].max()
     assert not image[10:14, 14:18].any()
@@ -36,13 +50,21 @@ def test_moving_ball_darkens_behind_and_brightens_before(load):
 
 @pytest.mark.parametrize(
     ("name", "component", "tangent"),
-    [("camera.fov", None, [1]), ("spheres.sphere0.radius", None, [1]), ("lights.light0.position", "z", [0, 0, 1])],
+    [
+        ("camera.fov", None, [1]),
+        ("spheres.sphere0.radius", None, [1]),
+        ("lights.light0.position", "z", [0, 0, 1]),
+    ],
 )
 def test_agrees_with_forward_mode_by_hand(load, precision, name, component, tangent):
     room = load(SCENES["all"], precision)
     options = {"spp": 4, "boundary": False, "max_depth": 3, "resolution": (8, 6)}
     image = gradient(room, name, component, **options)
-    expected = jvp(lambda values: render(room.replace(values), **options), room.parameters(name), {name: tangent})
+    expected = jvp(
+        lambda values: render(room.replace(values), **options),
+        room.parameters(name),
+        {name: tangent},
+    )
     assert type(image) is type(render(room, **options))
     assert not dr.grad_enabled(image)
     assert abs(expected).max() > 0
@@ -54,7 +76,10 @@ def test_a_small_weight_counts_up_to_the_silhouette(load, weight):
     """The derivative by a reflection is what is seen in it: here a sky of 1, wherever the ball is."""
     text = BALL.replace("background = [0, 0, 0]", "background = [1, 1, 1]")
     ball = load(text).replace({"materials.red.reflection": weight})
-    image, samples = (gradient(ball, "materials.red.reflection", None, spp, boundary=spp == 16).numpy() for spp in (16, 1024))
+    image, samples = (
+        gradient(ball, "materials.red.reflection", None, spp, boundary=spp == 16).numpy()
+        for spp in (16, 1024)
+    )
     # The part of a pixel on the ball, wrong by less than two samples of 16
     assert abs(image - samples).max() < 1 / 8
     assert abs(image.sum() / samples.sum() - 1) < 2e-3
@@ -63,7 +88,9 @@ def test_a_small_weight_counts_up_to_the_silhouette(load, weight):
 def test_a_weight_too_small_for_edges_has_four_times_the_samples(load):
     room = load(SCENES["all"]).replace({"materials.mirror.reflection": 0.02})
     edges, samples = (
-        gradient(room, "materials.mirror.reflection", None, spp, boundary=spp == 4, resolution=(16, 12)).numpy()
+        gradient(
+            room, "materials.mirror.reflection", None, spp, boundary=spp == 4, resolution=(16, 12)
+        ).numpy()
         for spp in (4, 16)
     )
     np.testing.assert_allclose(edges, samples, rtol=0, atol=1e-12 * abs(samples).max())
@@ -75,7 +102,8 @@ def test_terms_add_up(load):
     room = load(SCENES["all"])
     options = {"max_depth": 2, "resolution": (16, 12)}
     both, interior, boundary = (
-        gradient(room, "spheres.sphere0.radius", terms=terms, **options).numpy() for terms in ("both", "interior", "boundary")
+        gradient(room, "spheres.sphere0.radius", terms=terms, **options).numpy()
+        for terms in ("both", "interior", "boundary")
     )
     assert min(abs(interior).max(), abs(boundary).max()) > 0.01
     np.testing.assert_allclose(interior + boundary, both, atol=1e-9 * abs(both).max())
@@ -87,7 +115,9 @@ def test_gradients_that_the_scene_carries_stay_out_of_it(load):
     dr.enable_grad(ambient)
     dr.set_grad(ambient["ambient"], as_type(ambient["ambient"], [5, 5, 5]))
     image = gradient(ball.replace(ambient), "ambient", "y", boundary=False)
-    np.testing.assert_array_equal(image.numpy(), gradient(ball, "ambient", "y", boundary=False).numpy())
+    np.testing.assert_array_equal(
+        image.numpy(), gradient(ball, "ambient", "y", boundary=False).numpy()
+    )
     np.testing.assert_array_equal(np.ravel(dr.grad(ambient["ambient"]).numpy()), [5, 5, 5])
 
 
@@ -99,20 +129,22 @@ def test_progress_counts_to_one_once(load):
 
 @pytest.mark.parametrize("component", [None, "", "w", "xy", "X"])
 def test_vector_needs_a_component(load, component):
-    message = (
-        rf"^component: expected x, y or z \(red, green or blue of a colour\) for the vector 'ambient', got {component or 'none'}$"
-    )
+    message = rf"^component: expected x, y or z \(red, green or blue of a colour\) for the vector 'ambient', got {component or 'none'}$"
     with pytest.raises(ValueError, match=message):
         gradient(load(BALL), "ambient", component)
 
 
 def test_number_has_no_component(load):
-    with pytest.raises(ValueError, match=r"^component: expected none for the number 'camera\.fov', got x$"):
+    with pytest.raises(
+        ValueError, match=r"^component: expected none for the number 'camera\.fov', got x$"
+    ):
         gradient(load(BALL), "camera.fov", "x")
 
 
 def test_what_others_refuse(load):
-    with pytest.raises(KeyError, match=r"the scene has no parameter 'camera\.fow'; nearest: camera\.fov"):
+    with pytest.raises(
+        KeyError, match=r"the scene has no parameter 'camera\.fow'; nearest: camera\.fov"
+    ):
         gradient(load(BALL), "camera.fow")
     with pytest.raises(ValueError, match=r"^spp: expected a perfect square"):
         gradient(load(BALL), "camera.fov", spp=3)

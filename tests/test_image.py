@@ -48,8 +48,11 @@ def test_png_is_srgb_of_the_clipped_values(tmp_path, pixels):
     assert (stored.shape, stored.dtype) == ((5, 7, 3), np.uint8)
     assert (stored[pixels <= 0] == 0).all()
     assert (stored[pixels >= 1] == 255).all()
-    # Half a step of 8 bits, where the encoding is steepest the inverse is flattest: 1 / (2 * 255) of the encoded value
-    np.testing.assert_allclose(to_srgb(read_image(tmp_path / "a.png").numpy()), to_srgb(pixels), atol=0.5 / 255 + 1e-6)
+    # Half a step of 8 bits, where the encoding is steepest the inverse is flattest: 1 / (2 * 255)
+    # of the encoded value
+    np.testing.assert_allclose(
+        to_srgb(read_image(tmp_path / "a.png").numpy()), to_srgb(pixels), atol=0.5 / 255 + 1e-6
+    )
 
 
 def test_clipped_counts_pixels():
@@ -61,7 +64,9 @@ def test_clipped_counts_pixels():
 def test_srgb_known_values():
     """IEC 61966-2-1: 50 % sRGB is 21.4 % linear; the two pieces meet at 0.04045."""
     assert from_srgb(np.array(0.5)) == pytest.approx(0.21404, abs=1e-5)
-    np.testing.assert_allclose(from_srgb(to_srgb(np.linspace(0, 1, 1001))), np.linspace(0, 1, 1001), atol=2e-8)
+    np.testing.assert_allclose(
+        from_srgb(to_srgb(np.linspace(0, 1, 1001))), np.linspace(0, 1, 1001), atol=2e-8
+    )
 
 
 @pytest.mark.parametrize("ending", [".exr", ".png"])
@@ -147,4 +152,6 @@ def test_not_rgb(tmp_path, pixels):
 
 def test_alpha_is_left_out(tmp_path):
     Image.fromarray(np.full((2, 2, 4), 255, np.uint8)).save(tmp_path / "a.png")
-    np.testing.assert_array_equal(read_image(tmp_path / "a.png").numpy(), np.ones((2, 2, 3), np.float32))
+    np.testing.assert_array_equal(
+        read_image(tmp_path / "a.png").numpy(), np.ones((2, 2, 3), np.float32)
+    )

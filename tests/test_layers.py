@@ -1,4 +1,5 @@
-"""The stairs of the house: a room imports only from those below it, and no modules import each other in a circle.
+"""The stairs of the house: a room imports only from those below it, and no modules import each
+other in a circle.
 
 The rule is in pyproject.toml, and import-linter checks it.
 """
@@ -48,7 +49,9 @@ def test_an_import_upstairs_is_noticed(tmp_path, module, line, broken):
 
 
 def test_only_standard_library_before_drjit():
-    """`llvm` chooses the library that Dr.Jit loads, so that it imports Dr.Jit only inside a function."""
+    """`llvm` chooses the library that Dr.Jit loads, so that it imports Dr.Jit only inside a
+    function.
+    """
     tree = ast.parse((ROOT / "whitted" / "llvm.py").read_text())
     top = [node for node in tree.body if isinstance(node, (ast.Import, ast.ImportFrom))]
     names = {alias.name for node in top for alias in node.names}

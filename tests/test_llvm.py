@@ -57,7 +57,9 @@ def fake(folder: Path, *names: str) -> Path:
 def python(code: str, *options: str, **variables: str) -> subprocess.CompletedProcess:
     environ = {name: value for name, value in os.environ.items() if name != llvm.VARIABLE}
     command = [sys.executable, "-W", "error", *options, *(["-c", code] if code else [])]
-    return subprocess.run(command, env=environ | variables, cwd=ROOT, capture_output=True, text=True, check=False)
+    return subprocess.run(
+        command, env=environ | variables, cwd=ROOT, capture_output=True, text=True, check=False
+    )
 
 
 def whitted(folder: Path, code: str) -> subprocess.CompletedProcess:
@@ -89,7 +91,10 @@ def test_the_file_name_tells_the_version(tmp_path, name, version):
     assert llvm.candidates([fake(tmp_path, name)]) == [(version, tmp_path / name)]
 
 
-@pytest.mark.parametrize("name", ["libLLVM-19.so.gz", "libLLVM-19-rust-1.80.so", "libLLVMCore.a", "libLLVM.so", "libLLVM.dylib"])
+@pytest.mark.parametrize(
+    "name",
+    ["libLLVM-19.so.gz", "libLLVM-19-rust-1.80.so", "libLLVMCore.a", "libLLVM.so", "libLLVM.dylib"],
+)
 def test_other_files_are_no_candidates(tmp_path, name):
     assert llvm.candidates([fake(tmp_path, name)]) == []
 
@@ -157,7 +162,10 @@ def test_the_users_folders_come_first(tmp_path, monkeypatch):
     folders = [fake(tmp_path / name) for name in names]
     monkeypatch.setattr(sys, "prefix", str(tmp_path / "venv"))
     monkeypatch.setattr(sys, "base_prefix", str(tmp_path / "python"))
-    environ = {"LD_LIBRARY_PATH": f"{folders[0]}::{tmp_path / 'missing'}", "CONDA_PREFIX": str(tmp_path / "conda")}
+    environ = {
+        "LD_LIBRARY_PATH": f"{folders[0]}::{tmp_path / 'missing'}",
+        "CONDA_PREFIX": str(tmp_path / "conda"),
+    }
     assert llvm.search_folders(environ, root=tmp_path / "root") == folders
 
 
@@ -175,7 +183,11 @@ def test_the_newest_that_loads_is_chosen(tmp_path, monkeypatch):
 def test_15_is_taken_when_nothing_newer_is_there(tmp_path):
     folder = fake(tmp_path, "libLLVM-14.so", "libLLVM-15.so")
     found = llvm.find_library([folder], {})
-    assert found == Library(str(folder / "libLLVM-15.so"), 15, "the newest that works, of LLVM 15, 14; 16 or newer is better")
+    assert found == Library(
+        str(folder / "libLLVM-15.so"),
+        15,
+        "the newest that works, of LLVM 15, 14; 16 or newer is better",
+    )
 
 
 @pytest.mark.usefixtures("all_load")
@@ -184,7 +196,9 @@ def test_the_variable_is_set_and_then_respected(tmp_path):
     llvm.choose([folder], environ)
     assert environ == {llvm.VARIABLE: str(folder / "libLLVM-19.so")}
     environ[llvm.VARIABLE] = str(folder / "libLLVM-16.so")
-    assert llvm.choose([folder], environ) == Library(str(folder / "libLLVM-16.so"), 16, "named by DRJIT_LIBLLVM_PATH")
+    assert llvm.choose([folder], environ) == Library(
+        str(folder / "libLLVM-16.so"), 16, "named by DRJIT_LIBLLVM_PATH"
+    )
 
 
 @pytest.mark.parametrize(
@@ -198,19 +212,27 @@ def test_the_variable_is_set_and_then_respected(tmp_path):
 )
 def test_a_named_library_that_is_not_usable(tmp_path, name, fault):
     path = fake(tmp_path, "libLLVM-14.so", "libLLVM-19.so", "other.so") / name
-    with pytest.raises(BackendError, match=f"^DRJIT_LIBLLVM_PATH={path}: {fault}; name another, or unset the variable"):
+    with pytest.raises(
+        BackendError,
+        match=f"^DRJIT_LIBLLVM_PATH={path}: {fault}; name another, or unset the variable",
+    ):
         llvm.find_library([], {llvm.VARIABLE: str(path)})
 
 
 def test_a_named_library_may_be_left_to_the_loader():
-    assert llvm.find_library([], {llvm.VARIABLE: "libc.so.6"}) == Library("libc.so.6", None, "named by DRJIT_LIBLLVM_PATH")
+    assert llvm.find_library([], {llvm.VARIABLE: "libc.so.6"}) == Library(
+        "libc.so.6", None, "named by DRJIT_LIBLLVM_PATH"
+    )
 
 
 @pytest.mark.parametrize(
     ("names", "cause"),
     [
         ([], "^no libLLVM was found on this system; install "),
-        (["libLLVM-14.so"], r"^no usable libLLVM, 15 or newer, was found: \S*libLLVM-14.so \(LLVM 14\) is too old; install "),
+        (
+            ["libLLVM-14.so"],
+            r"^no usable libLLVM, 15 or newer, was found: \S*libLLVM-14.so \(LLVM 14\) is too old; install ",
+        ),
         (
             ["libLLVM-19.so"],
             r"^no usable libLLVM, 15 or newer, was found: \S*libLLVM-19.so \(LLVM 19\) cannot be loaded; install ",
@@ -247,12 +269,16 @@ def release(folder: Path, text: str) -> Path:
 def test_remedy_by_system(tmp_path, monkeypatch, user, sudo, text, command):
     monkeypatch.setattr(os, "geteuid", lambda: user)
     monkeypatch.setattr(sys, "platform", "linux")
-    assert llvm.remedy({}, release(tmp_path, text)).startswith(f"install one with: {sudo}{command} (or set DRJIT_LIBLLVM_PATH")
+    assert llvm.remedy({}, release(tmp_path, text)).startswith(
+        f"install one with: {sudo}{command} (or set DRJIT_LIBLLVM_PATH"
+    )
 
 
 def test_remedy_of_conda_macos_and_the_unknown(tmp_path, monkeypatch):
     debian = release(tmp_path, "ID=debian")
-    assert "with: conda install -c conda-forge libllvm19 (" in llvm.remedy({"CONDA_PREFIX": "/c"}, debian)
+    assert "with: conda install -c conda-forge libllvm19 (" in llvm.remedy(
+        {"CONDA_PREFIX": "/c"}, debian
+    )
     monkeypatch.setattr(sys, "platform", "darwin")
     assert "with: brew install llvm (" in llvm.remedy({}, tmp_path / "missing")
     monkeypatch.setattr(sys, "platform", "linux")
@@ -264,12 +290,21 @@ def test_remedy_of_conda_macos_and_the_unknown(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("packages", "remedy"),
     [
-        (["libllvm9", "libllvm19", "libllvm17t64", "libllvm15"], "install one with: sudo apt-get install -y libllvm19 ("),
+        (
+            ["libllvm9", "libllvm19", "libllvm17t64", "libllvm15"],
+            "install one with: sudo apt-get install -y libllvm19 (",
+        ),
         (["libllvm17t64", "libllvm14"], "install one with: sudo apt-get install -y libllvm17t64 ("),
         (["libllvm15", "libllvm14"], "install one with: sudo apt-get install -y libllvm15 ("),
         (["libllvm14"], "install the shared library of LLVM 16 or newer from "),
-        ([], "install one with: sudo apt-get update && sudo apt-get install -y $(apt-cache search "),
-        (None, "install one with: sudo apt-get update && sudo apt-get install -y $(apt-cache search "),
+        (
+            [],
+            "install one with: sudo apt-get update && sudo apt-get install -y $(apt-cache search ",
+        ),
+        (
+            None,
+            "install one with: sudo apt-get update && sudo apt-get install -y $(apt-cache search ",
+        ),
     ],
 )
 def test_remedy_by_what_apt_has(tmp_path, monkeypatch, packages, remedy):
@@ -293,7 +328,8 @@ def test_configure_answers_the_same_again():
 
 
 @pytest.mark.parametrize(
-    ("names", "cause"), [([], "no libLLVM was found"), (["libLLVM-14.so.1"], r"libLLVM-14.so.1 (LLVM 14) is too old")]
+    ("names", "cause"),
+    [([], "no libLLVM was found"), (["libLLVM-14.so.1"], r"libLLVM-14.so.1 (LLVM 14) is too old")],
 )
 def test_import_without_a_usable_library(tmp_path, names, cause):
     code = "import whitted as wt; print(wt.__version__); wt.load_scene"
@@ -312,8 +348,13 @@ def test_python_itself_may_ask_for_any_attribute_without_llvm(tmp_path):
 @pytest.mark.parametrize("command", ["render", "info"])
 def test_the_command_line_says_it_in_one_line(tmp_path, command):
     (tmp_path / "scene.toml").write_text(SCENE)
-    arguments = {"render": ["render", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out.exr")], "info": ["info"]}[command]
-    done = whitted(fake(tmp_path / "empty"), f"from whitted.cli import run; sys.exit(run({arguments!r}))")
+    arguments = {
+        "render": ["render", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out.exr")],
+        "info": ["info"],
+    }[command]
+    done = whitted(
+        fake(tmp_path / "empty"), f"from whitted.cli import run; sys.exit(run({arguments!r}))"
+    )
     assert done.returncode == 2
     assert done.stderr.startswith("no libLLVM was found on this system; install ")
     assert done.stderr.count("\n") == 1
@@ -323,10 +364,15 @@ def test_a_dr_jit_that_cannot_be_imported(tmp_path):
     (tmp_path / "drjit.py").write_text("raise ImportError('libatomic.so.1: no such file')")
     code = f"sys.path.insert(0, {str(tmp_path)!r}); import whitted; whitted.render"
     done = python(f"import sys; {code}", **{llvm.VARIABLE: llvm.configure().path})
-    assert "BackendError: Dr.Jit cannot be imported: libatomic.so.1: no such file; install what is missing" in done.stderr
+    assert (
+        "BackendError: Dr.Jit cannot be imported: libatomic.so.1: no such file; install what is missing"
+        in done.stderr
+    )
 
 
-@pytest.mark.skipif(not [version for version, _ in REAL if version < 15], reason="needs an LLVM older than 15")
+@pytest.mark.skipif(
+    not [version for version, _ in REAL if version < 15], reason="needs an LLVM older than 15"
+)
 def test_a_real_library_that_is_too_old(tmp_path):
     version, path = next(candidate for candidate in REAL if candidate[0] < 15)
     (tmp_path / path.name).symlink_to(path)
@@ -358,13 +404,18 @@ print(image.shape, dr.max(image, axis=None) > 0.01)
 
 def test_drjit_that_was_imported_before_is_left_alone():
     named = llvm.configure().path
-    done = python("import drjit, whitted; print(whitted.llvm.configure().reason)", **{llvm.VARIABLE: named})
+    done = python(
+        "import drjit, whitted; print(whitted.llvm.configure().reason)", **{llvm.VARIABLE: named}
+    )
     assert done.stdout == "drjit was imported before whitted and had chosen it\n"
 
 
 def test_drjit_that_was_imported_before_and_found_nothing():
     done = python("import drjit, whitted; whitted.render", **{llvm.VARIABLE: "/missing/libLLVM.so"})
-    assert "BackendError: drjit was imported before whitted and found no usable LLVM; import whitted first, or set" in done.stderr
+    assert (
+        "BackendError: drjit was imported before whitted and found no usable LLVM; import whitted first, or set"
+        in done.stderr
+    )
 
 
 def test_a_library_that_is_none():
@@ -378,4 +429,6 @@ def test_as_a_script():
     assert (chosen.returncode, chosen.stdout, chosen.stderr) == (0, f"{named}\n", "")
     refused = python("", "-I", llvm.__file__, **{llvm.VARIABLE: "/missing/libLLVM.so"})
     assert (refused.returncode, refused.stdout) == (1, "")
-    assert refused.stderr.startswith("DRJIT_LIBLLVM_PATH=/missing/libLLVM.so: there is no such file")
+    assert refused.stderr.startswith(
+        "DRJIT_LIBLLVM_PATH=/missing/libLLVM.so: there is no such file"
+    )

@@ -1,4 +1,6 @@
-"""Reflection, refraction and the Fresnel equations against closed forms, with their derivatives by Dr.Jit."""
+"""Reflection, refraction and the Fresnel equations against closed forms, with their derivatives by
+Dr.Jit.
+"""
 
 import math
 
@@ -14,7 +16,9 @@ ROUNDING = {"single": 1e-6, "double": 1e-14}  # a few roundings of numbers near 
 
 
 def interface(cosine, n):
-    """Reflectance where light in air meets an index n, whether it is total, and the refracted cosine."""
+    """Reflectance where light in air meets an index n, whether it is total, and the refracted
+    cosine.
+    """
     eta = 1 / n
     squared, total = transmission(cosine, eta)
     cos_theta_t = dr.select(squared > 0, dr.sqrt(dr.select(squared > 0, squared, 1)), 0)
@@ -35,12 +39,16 @@ def slope(function, x):
 def test_mirror(precision):
     vector = TYPES[precision][1]
     d, n = dr.normalize(vector(1, -2, 0.5)), vector(0, 1, 0)
-    np.testing.assert_allclose(np.ravel(reflect(d, n)), np.ravel(d) * [1, -1, 1], rtol=ROUNDING[precision])
+    np.testing.assert_allclose(
+        np.ravel(reflect(d, n)), np.ravel(d) * [1, -1, 1], rtol=ROUNDING[precision]
+    )
 
 
 @pytest.mark.parametrize("n", [0.6, 0.9, 1.0, 1.2, 1.5, 2.4])
 def test_reflectance_and_its_derivative_are_the_textbooks(n):
-    """By angles: R_s = (sin(ti - tt) / sin(ti + tt))^2, R_p = (tan(ti - tt) / tan(ti + tt))^2; d/dn by differences."""
+    """By angles: R_s = (sin(ti - tt) / sin(ti + tt))^2, R_p = (tan(ti - tt) / tan(ti + tt))^2; d/dn
+    by differences.
+    """
 
     def textbook(theta, n):
         if n == 1:
@@ -52,7 +60,9 @@ def test_reflectance_and_its_derivative_are_the_textbooks(n):
     for degrees in (5, 20, 35, 36.5, 60, 75, 85):
         theta = math.radians(degrees)
         if math.sin(theta) < 0.99 * n:
-            value, by_n = slope(lambda n, theta=theta: interface(ad.Float64(math.cos(theta)), n)[0], ad.Float64(n))
+            value, by_n = slope(
+                lambda n, theta=theta: interface(ad.Float64(math.cos(theta)), n)[0], ad.Float64(n)
+            )
             np.testing.assert_allclose(value, textbook(theta, n), rtol=1e-11, atol=1e-15)
             h = 1e-5
             # 1e-16 / 1e-5 of rounding, and truncation of h^2 times the third derivative
@@ -62,7 +72,9 @@ def test_reflectance_and_its_derivative_are_the_textbooks(n):
 
 @pytest.mark.parametrize("inside", [1e-3, 1e-4, 1e-5, 1e-6])
 def test_just_inside_the_critical_angle(inside):
-    """Stress 11: R = 1 - 2 (n + 1 / n) cos_t / cos_i to first order in cos_t, so that its slope grows as 1 / sqrt."""
+    """Stress 11: R = 1 - 2 (n + 1 / n) cos_t / cos_i to first order in cos_t, so that its slope
+    grows as 1 / sqrt.
+    """
     theta = math.asin(1 / 1.5) - inside
     value, by_n = slope(lambda n: interface(ad.Float64(math.cos(theta)), n)[0], ad.Float64(1 / 1.5))
     cos_i, cos_t = math.cos(theta), math.sqrt(1 - (1.5 * math.sin(theta)) ** 2)
@@ -74,7 +86,9 @@ def test_just_inside_the_critical_angle(inside):
 
 
 def test_index_one(precision):
-    """Stress 8: no reflectance, no derivative by n, no bend, never total, to grazing incidence and at it."""
+    """Stress 8: no reflectance, no derivative by n, no bend, never total, to grazing incidence and
+    at it.
+    """
     real, vector = TYPES[precision]
     # All that single precision can square, and 0
     cosines = np.concatenate([np.linspace(0, 1, 1001), 2.0 ** -np.arange(1, 60)])

@@ -23,7 +23,9 @@ def looked(load, text, faint, path=None):
     ray = image_ray(frame, ad.Array2f64(SIDE, SIDE), ad.Float64(i + 0.5), ad.Float64(j + 0.5))
     least = ad.Float64(loaded.min_importance) if loaded.min_importance else None
     limits = Limits(loaded.max_depth, ad.UInt32(loaded.max_depth), least, ad.Float64(faint))
-    color, label = contrasted(scene, ray, path, limits) if path else labelled_radiance(scene, ray, limits)
+    color, label = (
+        contrasted(scene, ray, path, limits) if path else labelled_radiance(scene, ray, limits)
+    )
     return color.numpy(), label.numpy()
 
 
@@ -33,7 +35,14 @@ def path(bounces, turns=0):
 
 
 @pytest.mark.parametrize(
-    "name", ["all", "mirrors", "bubble in glass, ball in water", "least importance", "diffuse under two lights"]
+    "name",
+    [
+        "all",
+        "mirrors",
+        "bubble in glass, ball in water",
+        "least importance",
+        "diffuse under two lights",
+    ],
 )
 def test_all_counts_below_the_first_node_or_where_nothing_is_faint(load, name):
     for faint, way in ((0.2, path(0)), (0.0, path(100))):

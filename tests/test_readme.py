@@ -10,9 +10,14 @@ ROOT = Path(__file__).parent.parent
 
 def test_snippet_prints_what_it_says(capsys, monkeypatch):
     monkeypatch.chdir(ROOT)
-    code, printed = re.search(r"```python\n(.*?)```\n\nprints\n\n(.*?)\n\n", (ROOT / "README.md").read_text(), re.S).groups()
+    code, printed = re.search(
+        r"```python\n(.*?)```\n\nprints\n\n(.*?)\n\n", (ROOT / "README.md").read_text(), re.S
+    ).groups()
     exec(compile(code, "README.md", "exec"), {})
-    numbers = [[float(x) for x in re.findall(r"[-+.e\d]+", text)] for text in (printed, capsys.readouterr().out)]
+    numbers = [
+        [float(x) for x in re.findall(r"[-+.e\d]+", text)]
+        for text in (printed, capsys.readouterr().out)
+    ]
     # Printed with four digits; the last one may differ where sums are taken in another order
     assert numbers[1] == pytest.approx(numbers[0], rel=1e-3)
     assert len(numbers[0]) == 2

@@ -20,7 +20,9 @@ def tangent(scene, name="spheres.sphere0.radius", **options):
     params = scene.parameters(name)
     dr.enable_grad(params)
     dr.set_grad(params, {name: dr.ones(type(params[name]))})
-    return dr.forward_to(render(scene.replace(params), **options), flags=dr.ADFlag.ClearNone).numpy()
+    return dr.forward_to(
+        render(scene.replace(params), **options), flags=dr.ADFlag.ClearNone
+    ).numpy()
 
 
 def gradients(scene, **options):
@@ -37,20 +39,42 @@ def gradients(scene, **options):
     ("options", "message"),
     [
         *(
-            ({"terms": terms}, rf"^terms: expected one of both, interior, boundary, with boundary=True, got {terms!r}$")
+            (
+                {"terms": terms},
+                rf"^terms: expected one of both, interior, boundary, with boundary=True, got {terms!r}$",
+            )
             for terms in ("interior", "boundary", "edges", None)
         ),
         *(
-            ({"spp": spp}, rf"^spp: expected a perfect square \(1, 4, 9, 16, ...\) up to 65536, got {spp!r}$")
+            (
+                {"spp": spp},
+                rf"^spp: expected a perfect square \(1, 4, 9, 16, ...\) up to 65536, got {spp!r}$",
+            )
             for spp in (0, -4, 2, 8, 4.0, True, None, "4", (1 << 16) + 1, 257**2)
         ),
         *(
-            ({"max_depth": depth}, rf"^max_depth: expected a whole number from 1 to 256, got {depth!r}$")
+            (
+                {"max_depth": depth},
+                rf"^max_depth: expected a whole number from 1 to 256, got {depth!r}$",
+            )
             for depth in (0, -1, 257, 2.0, True, "3")
         ),
         *(
-            ({"resolution": size}, r"^resolution: expected \(width, height\), two whole numbers of pixels > 0, got ")
-            for size in ((8, 0), (8,), (8, 8, 8), 8, "88", (8.0, 8), (-8, 8), (True, 8), ((1 << 20) + 1, 1))
+            (
+                {"resolution": size},
+                r"^resolution: expected \(width, height\), two whole numbers of pixels > 0, got ",
+            )
+            for size in (
+                (8, 0),
+                (8,),
+                (8, 8, 8),
+                8,
+                "88",
+                (8.0, 8),
+                (-8, 8),
+                (True, 8),
+                ((1 << 20) + 1, 1),
+            )
         ),
         (
             {"resolution": (1 << 20, 1 << 20)},
@@ -63,21 +87,31 @@ def test_argument_that_is_refused(load, options, message):
         render(load(SCENES["all"]), **options)
 
 
-@pytest.mark.parametrize("options", [{"spp": np.int64(4)}, {"max_depth": np.int32(2)}, {"resolution": [np.int64(5), 3]}])
+@pytest.mark.parametrize(
+    "options", [{"spp": np.int64(4)}, {"max_depth": np.int32(2)}, {"resolution": [np.int64(5), 3]}]
+)
 def test_whole_numbers_of_numpy_are_welcome(load, options):
     scene = load(SCENES["all"])
-    plain = {key: [int(n) for n in value] if key == "resolution" else int(value) for key, value in options.items()}
+    plain = {
+        key: [int(n) for n in value] if key == "resolution" else int(value)
+        for key, value in options.items()
+    }
     np.testing.assert_array_equal(render(scene, **options).numpy(), render(scene, **plain).numpy())
 
 
 def test_image_is_a_tensor_of_height_width_3(load, precision):
     image = render(load(SCENES["all"], precision))
-    assert (type(image).__name__, image.shape) == ({"single": "TensorXf", "double": "TensorXf64"}[precision], (12, 16, 3))
+    assert (type(image).__name__, image.shape) == (
+        {"single": "TensorXf", "double": "TensorXf64"}[precision],
+        (12, 16, 3),
+    )
 
 
 @pytest.mark.parametrize("side", [2, 3])
 def test_samples_are_the_pixels_of_a_finer_image(load, side):
-    """Sample (i, j) of n * n sits where the finer image of n times the width and height has a pixel's center."""
+    """Sample (i, j) of n * n sits where the finer image of n times the width and height has a
+    pixel's center.
+    """
     scene = load(SCENES["diffuse under two lights"])
     fine = render(scene, resolution=(16 * side, 12 * side)).numpy()
     blocks = fine.reshape(12, side, 16, side, 3).mean((1, 3))
@@ -88,7 +122,9 @@ def test_samples_are_the_pixels_of_a_finer_image(load, side):
 def test_resolution_overrides_the_scenes(load):
     text = SCENES["all"]
     expected = Reference(text.replace("[16, 12]", "[7, 9]")).image()
-    np.testing.assert_allclose(render(load(text), resolution=(7, 9)).numpy(), expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        render(load(text), resolution=(7, 9)).numpy(), expected, rtol=0, atol=1e-9
+    )
 
 
 def test_max_depth_overrides_the_scenes(load):
@@ -103,21 +139,31 @@ def test_max_depth_overrides_the_scenes(load):
 @pytest.mark.parametrize("spp", [1, 4])
 @pytest.mark.parametrize("rows", [4, 8])
 def test_bands_are_the_whole(load, monkeypatch, precision, spp, rows):
-    """A band more changes nothing of the image; sums over its pixels are only added in another order."""
+    """A band more changes nothing of the image; sums over its pixels are only added in another
+    order.
+    """
     scene = load(SCENES["all"], precision)
     size = (10, 18)  # 18 rows: the last band is not full
     whole = render(scene, spp, resolution=size).numpy()
-    whole_tangent, whole_gradients = tangent(scene, spp=spp, resolution=size), gradients(scene, spp=spp, resolution=size)
+    whole_tangent, whole_gradients = (
+        tangent(scene, spp=spp, resolution=size),
+        gradients(scene, spp=spp, resolution=size),
+    )
     monkeypatch.setattr(job, "BAND", 10 * spp * rows)
     done = []
     banded = render(scene, spp, resolution=size, progress=done.append).numpy()
-    np.testing.assert_allclose(done, [(k + rows) / 18 if k + rows < 18 else 1 for k in range(0, 18, rows)])
+    np.testing.assert_allclose(
+        done, [(k + rows) / 18 if k + rows < 18 else 1 for k in range(0, 18, rows)]
+    )
     np.testing.assert_array_equal(banded, whole)
     np.testing.assert_array_equal(tangent(scene, spp=spp, resolution=size), whole_tangent)
-    # Some hundreds of terms of both signs: their order matters for a few roundings of the largest ones' sum
+    # Some hundreds of terms of both signs: their order matters for a few roundings of the largest
+    # ones' sum
     tolerance = 1e-12 if precision == "double" else 1e-4
     for name, value in gradients(scene, spp=spp, resolution=size).items():
-        np.testing.assert_allclose(value, whole_gradients[name], rtol=tolerance, atol=tolerance, err_msg=name)
+        np.testing.assert_allclose(
+            value, whole_gradients[name], rtol=tolerance, atol=tolerance, err_msg=name
+        )
 
 
 def test_progress_of_one_band(load):
@@ -153,10 +199,18 @@ GROWING = {
     "one light": scene(sphere(*BALL, "red"), FLOOR.replace("checks", "red"), LIGHT),
     "two lights": scene(sphere(*BALL, "red"), FLOOR.replace("checks", "red"), LIGHT, SECOND_LIGHT),
     "mirror": scene(sphere(*BALL, "mirror"), FLOOR.replace("checks", "red"), LIGHT, SECOND_LIGHT),
-    "constant glass": scene(sphere(*BALL, "tinted"), FLOOR.replace("checks", "mirror"), LIGHT, SECOND_LIGHT),
-    "Fresnel glass": scene(sphere(*BALL, "glass"), FLOOR.replace("checks", "mirror"), LIGHT, SECOND_LIGHT),
+    "constant glass": scene(
+        sphere(*BALL, "tinted"), FLOOR.replace("checks", "mirror"), LIGHT, SECOND_LIGHT
+    ),
+    "Fresnel glass": scene(
+        sphere(*BALL, "glass"), FLOOR.replace("checks", "mirror"), LIGHT, SECOND_LIGHT
+    ),
     "nested glass": scene(
-        sphere(*BALL, "glass"), sphere(BALL[0], 0.5, "air"), FLOOR.replace("checks", "mirror"), LIGHT, SECOND_LIGHT
+        sphere(*BALL, "glass"),
+        sphere(BALL[0], 0.5, "air"),
+        FLOOR.replace("checks", "mirror"),
+        LIGHT,
+        SECOND_LIGHT,
     ),
 }
 
@@ -181,17 +235,37 @@ def test_black_terms_are_not_compiled(load):
     whole = size(scene(three("red", "red", "red"), LIGHT))
     assert size(scene(three("red", "red", "red"), LIGHT, sky="")) < whole
     assert size(scene(three("red", "red", "red"), LIGHT).replace("specular = 0.4", "")) < whole
-    assert size(scene(three("red", "red", "red"), LIGHT).replace("color = [0.8, 0.2, 0.1]", "")) < whole
+    assert (
+        size(scene(three("red", "red", "red"), LIGHT).replace("color = [0.8, 0.2, 0.1]", ""))
+        < whole
+    )
 
 
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
         (SKY + CAMERA, ["ambient"]),
-        (GROWING["one light"], ["1 sphere", "1 plane", "1 light with hard shadows", "Lambert", "Blinn-Phong", "ambient"]),
+        (
+            GROWING["one light"],
+            [
+                "1 sphere",
+                "1 plane",
+                "1 light with hard shadows",
+                "Lambert",
+                "Blinn-Phong",
+                "ambient",
+            ],
+        ),
         (
             scene(three("red", "red", "mirror"), FLOOR, LIGHT, SECOND_LIGHT, sky=""),
-            ["3 spheres", "1 plane", "2 lights with hard shadows", "inverse-square falloff", "Lambert", "checkerboard"]
+            [
+                "3 spheres",
+                "1 plane",
+                "2 lights with hard shadows",
+                "inverse-square falloff",
+                "Lambert",
+                "checkerboard",
+            ]
             + ["Blinn-Phong", "reflection", "chain of rays"],
         ),
         (
@@ -200,10 +274,21 @@ def test_black_terms_are_not_compiled(load):
         ),
         (
             scene(sphere(*BALL, "glass"), sphere(*BALL, "air"), sky="min_importance = 0.1\n"),
-            ["2 spheres", "Lambert", "Blinn-Phong", "reflection", "refraction", "Fresnel", "least importance"]
+            [
+                "2 spheres",
+                "Lambert",
+                "Blinn-Phong",
+                "reflection",
+                "refraction",
+                "Fresnel",
+                "least importance",
+            ]
             + ["coinciding primitives", "tree of rays"],
         ),
-        (scene(sphere([0, -1e6, 0], 1e6, "red"), sky=""), ["1 sphere", "Lambert", "Blinn-Phong", "compensated sums"]),
+        (
+            scene(sphere([0, -1e6, 0], 1e6, "red"), sky=""),
+            ["1 sphere", "Lambert", "Blinn-Phong", "compensated sums"],
+        ),
     ],
 )
 def test_features_are_named(load, text, expected):
@@ -213,7 +298,8 @@ def test_features_are_named(load, text, expected):
 def opaque_copy(value, scale):
     """The value times a number, which no kernel is compiled for."""
     numbers = [
-        dr.opaque(dr.value_t(value) if dr.depth_v(value) == 2 else type(value), float(x)) for x in value.numpy().ravel() * scale
+        dr.opaque(dr.value_t(value) if dr.depth_v(value) == 2 else type(value), float(x))
+        for x in value.numpy().ravel() * scale
     ]
     return type(value)(*numbers)
 
@@ -223,19 +309,27 @@ def step(loaded, scale, **options):
     params = {name: opaque_copy(value, scale) for name, value in loaded.parameters().items()}
     dr.enable_grad(params)
     image = render(loaded.replace(params), **options)
-    dr.backward(dr.sum(dr.square(image.array)))  # a plain sum's adjoint is a literal, which gets a kernel of its own
+    dr.backward(
+        dr.sum(dr.square(image.array))
+    )  # a plain sum's adjoint is a literal, which gets a kernel of its own
     dr.eval(image, dr.grad(params))
 
 
 def kernels_not_in_memory(loaded, scale, **options):
-    """Operations of each kernel that was compiled, or read from disk, and of the largest one of all."""
+    """Operations of each kernel that was compiled, or read from disk, and of the largest one of
+    all.
+    """
     dr.sync_thread()
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         dr.kernel_history_clear()
         step(loaded, scale, **options)
         dr.sync_thread()
         kernels = [kernel for kernel in dr.kernel_history() if "cache_hit" in kernel]
-    new = [kernel["operation_count"] for kernel in kernels if not kernel["cache_hit"] or kernel["cache_disk"]]
+    new = [
+        kernel["operation_count"]
+        for kernel in kernels
+        if not kernel["cache_hit"] or kernel["cache_disk"]
+    ]
     return new, max(kernel["operation_count"] for kernel in kernels)
 
 
@@ -252,10 +346,16 @@ def test_later_steps_compile_nothing(load):
 
 
 def test_other_sizes_compile_nothing(load):
-    """Nor is there another kernel for another size of the image, or number of samples, or number of rows in its last band."""
+    """Nor is there another kernel for another size of the image, or number of samples, or number of
+    rows in its last band.
+    """
     loaded = load(SCENES["bubble in glass, ball in water"], "single")
     step(loaded, 1)
-    for options in ({"resolution": (21, 34)}, {"spp": 4}, {"max_depth": loaded.max_depth, "resolution": (4, 4)}):
+    for options in (
+        {"resolution": (21, 34)},
+        {"spp": 4},
+        {"max_depth": loaded.max_depth, "resolution": (4, 4)},
+    ):
         assert kernels_not_in_memory(loaded, 1.01, **options)[0] == [], options
 
 
@@ -267,14 +367,22 @@ def test_depths_in_any_order(load, name):
     seen = {}
     for depth in (1, 5, 8, 14, 3):
         expected = Reference(f"max_depth = {depth}\n" + text).image()
-        # Curved surfaces magnify roundings some tenfold a bounce; a weight below 1 a bounce keeps what they add small
-        np.testing.assert_allclose(render(loaded, max_depth=depth).numpy(), expected, rtol=0, atol=1e-9)
-        slope, gradient = tangent(loaded, "camera.fov", max_depth=depth), gradients(loaded, max_depth=depth)
+        # Curved surfaces magnify roundings some tenfold a bounce; a weight below 1 a bounce keeps
+        # what they add small
+        np.testing.assert_allclose(
+            render(loaded, max_depth=depth).numpy(), expected, rtol=0, atol=1e-9
+        )
+        slope, gradient = (
+            tangent(loaded, "camera.fov", max_depth=depth),
+            gradients(loaded, max_depth=depth),
+        )
         assert np.isfinite(slope).all()
         assert all(np.isfinite(value).all() for value in gradient.values())
         weights = np.random.default_rng(1).uniform(-1, 1, slope.shape)
         # Both sum the same products in another order
-        np.testing.assert_allclose(gradient["camera.fov"], np.sum(weights * slope), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            gradient["camera.fov"], np.sum(weights * slope), rtol=1e-9, atol=1e-9
+        )
         seen[depth] = gradient["background"]
     # Deeper trees have ever less left to add, and differ all the same
     change = [np.abs(seen[b] - seen[a]).max() for a, b in ((1, 3), (3, 5), (5, 8), (8, 14))]
@@ -283,7 +391,9 @@ def test_depths_in_any_order(load, name):
 
 def test_room_is_seen_by_all_depths_the_same_where_nothing_reflects(load):
     loaded = load(scene(three("red", "red", "red"), ROOM))
-    np.testing.assert_array_equal(render(loaded, max_depth=1).numpy(), render(loaded, max_depth=9).numpy())
+    np.testing.assert_array_equal(
+        render(loaded, max_depth=1).numpy(), render(loaded, max_depth=9).numpy()
+    )
 
 
 THREADS = """
@@ -308,5 +418,7 @@ def test_threads_get_the_same_images(tmp_path):
     """In a process of its own, as threads that wait for each other would hang this one."""
     path = tmp_path / "scene.toml"
     path.write_text(SCENES["all"])
-    done = subprocess.run([sys.executable, "-c", THREADS, str(path)], timeout=120, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", THREADS, str(path)], timeout=120, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr

@@ -72,16 +72,26 @@ def test_new_numbers_are_read_back(path):
 
 
 def test_all_else_stays(path):
-    lines, changed = TEXT.splitlines(), rewritten(path, {"materials.lead glass.ior": 1.75, "spheres.sphere0.center": [1, 2, 3]})
-    differing = [pair for pair in zip(lines, changed.splitlines(), strict=True) if pair[0] != pair[1]]
-    assert [new for _, new in differing] == ["ior = 1.75          # a guess", "center = [1.0, 2.0, 3.0]     # in the middle"]
+    lines, changed = (
+        TEXT.splitlines(),
+        rewritten(path, {"materials.lead glass.ior": 1.75, "spheres.sphere0.center": [1, 2, 3]}),
+    )
+    differing = [
+        pair for pair in zip(lines, changed.splitlines(), strict=True) if pair[0] != pair[1]
+    ]
+    assert [new for _, new in differing] == [
+        "ior = 1.75          # a guess",
+        "center = [1.0, 2.0, 3.0]     # in the middle",
+    ]
     assert rewritten(path, {}) == TEXT
 
 
 def test_shipped_scenes_survive(tmp_path):
     for file in (Path(__file__).parents[1] / "scenes").glob("*.toml"):
         scene = load_scene(file, "double")
-        (tmp_path / "a.toml").write_text(rewritten(file, {k: v.numpy().ravel().tolist() for k, v in scene.parameters().items()}))
+        (tmp_path / "a.toml").write_text(
+            rewritten(file, {k: v.numpy().ravel().tolist() for k, v in scene.parameters().items()})
+        )
         again = load_scene(tmp_path / "a.toml", "double").parameters()
         for name, value in scene.parameters().items():
             np.testing.assert_allclose(again[name].numpy(), value.numpy(), rtol=1e-8, atol=1e-12)

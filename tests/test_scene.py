@@ -56,7 +56,12 @@ def test_all_parameters(load, precision):
         assert type(value) is TYPES[precision][len(EXPECTED[name]) == 3], name
         assert dr.width(value) == 1
         # As near as the precision has a number
-        np.testing.assert_allclose(value.numpy().ravel(), EXPECTED[name], rtol=6e-8 if precision == "single" else 0, err_msg=name)
+        np.testing.assert_allclose(
+            value.numpy().ravel(),
+            EXPECTED[name],
+            rtol=6e-8 if precision == "single" else 0,
+            err_msg=name,
+        )
 
 
 def test_parameters_by_name_come_in_that_order(load):
@@ -122,15 +127,30 @@ def test_not_one_number(load, value):
     ],
 )
 def test_not_one_vector(load, value):
-    with pytest.raises(ValueError, match=r"^background: expected one vector of three numbers, got "):
+    with pytest.raises(
+        ValueError, match=r"^background: expected one vector of three numbers, got "
+    ):
         load(TEXT).replace({"background": value})
 
 
 @pytest.mark.parametrize(
-    "value", [1.75, np.float32(1.75), np.array(1.75), np.array([1.75]), [1.75], ad.Float(1.75), ad.Float64(1.75)]
+    "value",
+    [
+        1.75,
+        np.float32(1.75),
+        np.array(1.75),
+        np.array([1.75]),
+        [1.75],
+        ad.Float(1.75),
+        ad.Float64(1.75),
+    ],
 )
 def test_a_number_in_any_form(load, precision, value):
-    read = load(TEXT, precision).replace({"materials.red.ior": value}).parameters("materials.red.ior")["materials.red.ior"]
+    read = (
+        load(TEXT, precision)
+        .replace({"materials.red.ior": value})
+        .parameters("materials.red.ior")["materials.red.ior"]
+    )
     assert (type(read), read.numpy().tolist()) == (TYPES[precision][0], [1.75])
 
 
@@ -146,7 +166,9 @@ def test_a_number_in_any_form(load, precision, value):
     ],
 )
 def test_a_vector_in_any_form(load, precision, value):
-    read = load(TEXT, precision).replace({"background": value}).parameters("background")["background"]
+    read = (
+        load(TEXT, precision).replace({"background": value}).parameters("background")["background"]
+    )
     assert (type(read), read.numpy().ravel().tolist()) == (TYPES[precision][1], [1, 0.5, 2])
 
 
@@ -209,7 +231,9 @@ def test_replaced_zero_is_compiled(load):
     """What was 0 in the file, and left out of the kernel, counts once it is replaced."""
     scene = load(SCENES["black sky, no ambient"])
     lit = scene.replace({"background": [0.25, 0.5, 1], "ambient": [1, 1, 1]})
-    expected = load("background = [0.25, 0.5, 1]\nambient = [1, 1, 1]\n" + SCENES["black sky, no ambient"])
+    expected = load(
+        "background = [0.25, 0.5, 1]\nambient = [1, 1, 1]\n" + SCENES["black sky, no ambient"]
+    )
     np.testing.assert_allclose(render(lit).numpy(), render(expected).numpy(), rtol=0, atol=1e-14)
     assert abs(render(lit).numpy() - render(scene).numpy()).max() > 0.1
 
@@ -245,12 +269,24 @@ def test_optimiser_takes_parameters_as_they_are(load):
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("spheres.ball.radius", -0.25, r"spheres.ball.radius = -0.25: expected a number > 0; bound the steps"),
+        (
+            "spheres.ball.radius",
+            -0.25,
+            r"spheres.ball.radius = -0.25: expected a number > 0; bound the steps",
+        ),
         ("materials.red.ior", 0, r"materials.red.ior = 0: expected a number > 0"),
         ("materials.red.shininess", -1, r"materials.red.shininess = -1: expected a number > 0"),
         ("camera.fov", 180, r"camera.fov = 180: expected an angle in degrees, in \(0, 180\)"),
-        ("spheres.ball.center", [0, math.nan, 1], r"spheres.ball.center = 0, nan, 1: expected three finite numbers"),
-        ("planes.plane0.normal", [0, 0, 0], r"planes.plane0.normal = 0, 0, 0: expected a direction"),
+        (
+            "spheres.ball.center",
+            [0, math.nan, 1],
+            r"spheres.ball.center = 0, nan, 1: expected three finite numbers",
+        ),
+        (
+            "planes.plane0.normal",
+            [0, 0, 0],
+            r"planes.plane0.normal = 0, 0, 0: expected a direction",
+        ),
     ],
 )
 def test_steps_of_an_optimiser_that_make_no_sense(load, name, value, message):

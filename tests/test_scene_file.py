@@ -20,7 +20,11 @@ NUMBERS = "expected three finite numbers"
 
 
 def camera(key, value):
-    return re.sub(rf"{key} = .*", f"{key} = {value}", CAMERA) if f"{key} =" in CAMERA else f"{CAMERA}{key} = {value}\n"
+    return (
+        re.sub(rf"{key} = .*", f"{key} = {value}", CAMERA)
+        if f"{key} =" in CAMERA
+        else f"{CAMERA}{key} = {value}\n"
+    )
 
 
 def material(line):
@@ -29,7 +33,9 @@ def material(line):
 
 def ball(line):
     key = line.split(" =")[0]
-    return CAMERA + (re.sub(rf"{key} = .*", line, BALL) if f"{key} =" in BALL else f"{BALL}{line}\n")
+    return CAMERA + (
+        re.sub(rf"{key} = .*", line, BALL) if f"{key} =" in BALL else f"{BALL}{line}\n"
+    )
 
 
 def floor(line):
@@ -39,7 +45,9 @@ def floor(line):
 
 def light(line):
     key = line.split(" =")[0]
-    return CAMERA + (re.sub(rf"{key} = .*", line, LIGHT) if f"{key} =" in LIGHT else f"{LIGHT}{line}\n")
+    return CAMERA + (
+        re.sub(rf"{key} = .*", line, LIGHT) if f"{key} =" in LIGHT else f"{LIGHT}{line}\n"
+    )
 
 
 PROBLEMS = {
@@ -61,11 +69,17 @@ PROBLEMS = {
     material("specular = -0.1"): "materials.red.specular = -0.1: expected a number >= 0",
     material("reflection = 1.5"): "materials.red.reflection = 1.5: expected a number in [0, 1]",
     material("refraction = -1"): "materials.red.refraction = -1: expected a number in [0, 1]",
-    material("color = [0, 2, 0]"): "materials.red.color = [0, 2, 0]: expected three numbers in [0, 1]",
+    material(
+        "color = [0, 2, 0]"
+    ): "materials.red.color = [0, 2, 0]: expected three numbers in [0, 1]",
     material("fresnel = 1"): "materials.red.fresnel = 1: expected true or false",
     material("checker = 1"): f"materials.red.checker = 1: {TABLE}",
-    material("checker = { color = [1, 1, 1], size = 0 }"): "materials.red.checker.size = 0: expected a number > 0",
-    material("checker = { color = [1, 1, 1] }"): "materials.red.checker.size: missing; expected a number > 0",
+    material(
+        "checker = { color = [1, 1, 1], size = 0 }"
+    ): "materials.red.checker.size = 0: expected a number > 0",
+    material(
+        "checker = { color = [1, 1, 1] }"
+    ): "materials.red.checker.size: missing; expected a number > 0",
     light("intensity = 1"): f"lights[0].intensity = 1: {NUMBERS}",
     light(
         'falloff = "square"'
@@ -77,16 +91,33 @@ PROBLEMS = {
     light('type = "dirctional"'): (
         "lights[0].type = \"dirctional\": expected 'point' or 'directional'; did you mean 'directional'?"
     ),
-CAMERA + SUN.replace("[0, -1, 0]", "[0, 0, 0]"): "lights[0].direction = [0, 0, 0]: expected a direction, not zero",
+    CAMERA
+    + SUN.replace(
+        "[0, -1, 0]", "[0, 0, 0]"
+    ): "lights[0].direction = [0, 0, 0]: expected a direction, not zero",
     camera("fov", "180"): "camera.fov = 180: expected an angle in degrees, in (0, 180)",
     camera("fov", "0"): "camera.fov = 0: expected an angle in degrees, in (0, 180)",
-    camera("look_at", "[0, 0, 3.0]"): "camera.look_at = [0, 0, 3.0]: expected a point other than camera.position",
-    camera("up", "[0, 0, -2]"): "camera.up = [0, 0, -2]: expected a direction not parallel to the view",
-    camera("up", "[0, 0, 0]"): "camera.up = [0, 0, 0]: expected a direction not parallel to the view",
-    camera("look_at", "[0, -5, 3]"): "camera.up = [0, 1, 0]: expected a direction not parallel to the view",
-    camera("resolution", "[8, 0]"): "camera.resolution = [8, 0]: expected [width, height], two whole numbers of pixels > 0",
-    camera("resolution", "[8.5, 4]"): "camera.resolution = [8.5, 4]: expected [width, height], two whole numbers of pixels > 0",
-    camera("resolution", "64"): "camera.resolution = 64: expected [width, height], two whole numbers of pixels > 0",
+    camera(
+        "look_at", "[0, 0, 3.0]"
+    ): "camera.look_at = [0, 0, 3.0]: expected a point other than camera.position",
+    camera(
+        "up", "[0, 0, -2]"
+    ): "camera.up = [0, 0, -2]: expected a direction not parallel to the view",
+    camera(
+        "up", "[0, 0, 0]"
+    ): "camera.up = [0, 0, 0]: expected a direction not parallel to the view",
+    camera(
+        "look_at", "[0, -5, 3]"
+    ): "camera.up = [0, 1, 0]: expected a direction not parallel to the view",
+    camera(
+        "resolution", "[8, 0]"
+    ): "camera.resolution = [8, 0]: expected [width, height], two whole numbers of pixels > 0",
+    camera(
+        "resolution", "[8.5, 4]"
+    ): "camera.resolution = [8.5, 4]: expected [width, height], two whole numbers of pixels > 0",
+    camera(
+        "resolution", "64"
+    ): "camera.resolution = 64: expected [width, height], two whole numbers of pixels > 0",
     "max_depth = 0\n" + CAMERA: "max_depth = 0: expected a whole number from 1 to 256",
     "max_depth = 2.0\n" + CAMERA: "max_depth = 2.0: expected a whole number from 1 to 256",
     "max_depth = 257\n" + CAMERA: "max_depth = 257: expected a whole number from 1 to 256",
@@ -100,8 +131,12 @@ CAMERA + SUN.replace("[0, -1, 0]", "[0, 0, 0]"): "lights[0].direction = [0, 0, 0
     "spheres = [5]\n" + CAMERA: f"spheres[0] = 5: {TABLE}",
     "materials = [1]\n" + CAMERA: f"materials = [1]: {TABLE}",
     "materials = { red = 1 }\n" + CAMERA: f"materials.red = 1: {TABLE}",
-    CAMERA.replace("fov = 50\n", ""): "camera.fov: missing; expected an angle in degrees, in (0, 180)",
-    ball("radius = 1").replace("radius = 1\n", ""): "spheres[0].radius: missing; expected a number > 0",
+    CAMERA.replace(
+        "fov = 50\n", ""
+    ): "camera.fov: missing; expected an angle in degrees, in (0, 180)",
+    ball("radius = 1").replace(
+        "radius = 1\n", ""
+    ): "spheres[0].radius: missing; expected a number > 0",
     "ambiant = [1, 1, 1]\n" + CAMERA: "ambiant: unknown key; did you mean 'ambient'?",
     "xyz = 1\n" + CAMERA: "xyz: unknown key",
     camera("position_", "[1, 1, 1]"): "camera.position_: unknown key; did you mean 'position'?",
@@ -112,12 +147,19 @@ CAMERA + SUN.replace("[0, -1, 0]", "[0, 0, 0]"): "lights[0].direction = [0, 0, 0
         "materials.red.checker.sise: unknown key; did you mean 'size'?"
     ),
     # Names
-    ball('material = "read"'): "spheres[0].material = \"read\": there is no such material; did you mean 'red'?",
+    ball(
+        'material = "read"'
+    ): "spheres[0].material = \"read\": there is no such material; did you mean 'red'?",
     ball('material = "glass"'): 'spheres[0].material = "glass": there is no such material',
     ball("material = 5"): "spheres[0].material = 5: expected a name, a string that is not empty",
-    CAMERA + sphere([0, 0, 0], 1, "red"): 'spheres[0].material = "red": there is no such material; the file has no materials',
+    CAMERA
+    + sphere(
+        [0, 0, 0], 1, "red"
+    ): 'spheres[0].material = "red": there is no such material; the file has no materials',
     ball('name = ""'): 'spheres[0].name = "": expected a name, a string that is not empty',
-    ball('name = "a\\nb"'): 'spheres[0].name = "a\\nb": expected a name, a string that is not empty',
+    ball(
+        'name = "a\\nb"'
+    ): 'spheres[0].name = "a\\nb": expected a name, a string that is not empty',
     ball("name = 5"): "spheres[0].name = 5: expected a name, a string that is not empty",
     CAMERA + '[[lights]]\nname = "a"\n' + LIGHT[11:] + LIGHT + 'name = "a"\n': (
         'lights[1].name = "a": taken by lights[0]; names are unique'
@@ -125,10 +167,11 @@ CAMERA + SUN.replace("[0, -1, 0]", "[0, 0, 0]"): "lights[0].direction = [0, 0, 0
     ball('name = "sphere1"') + sphere([2, 0, 0], 1, "red"): (
         'spheres[1].name = "sphere1": taken by spheres[0]; names are unique'
     ),
-    ball("radius = 1").replace("[materials.red]", "[materials.red]\nchecker = { color = [1, 1, 1], size = 1 }"): (
-        'spheres[0].material = "red": has a checker, which only planes and discs can show'
-    ),
-    CAMERA + '[materials."odd name"]\nior = -1\n': 'materials."odd name".ior = -1: expected a number > 0',
+    ball("radius = 1").replace(
+        "[materials.red]", "[materials.red]\nchecker = { color = [1, 1, 1], size = 1 }"
+    ): ('spheres[0].material = "red": has a checker, which only planes and discs can show'),
+    CAMERA
+    + '[materials."odd name"]\nior = -1\n': 'materials."odd name".ior = -1: expected a number > 0',
     # Long values are shortened
     ball(f'center = "{"x" * 99}"'): f'spheres[0].center = "{"x" * 56}...: {NUMBERS}',
 }
@@ -162,21 +205,32 @@ def test_all_problems_are_listed(load, tmp_path):
         "planes[0].normal = [0, 0, 0]: expected a direction, not zero",
         f"lights[0].position: missing; {NUMBERS}",
     ]
-    assert sorted(str(error.value).split("\n")) == sorted(f"{tmp_path / 'scene.toml'}: {line}" for line in expected)
+    assert sorted(str(error.value).split("\n")) == sorted(
+        f"{tmp_path / 'scene.toml'}: {line}" for line in expected
+    )
 
 
 def test_too_many_objects(load):
     spheres = sphere([0, 0, 0], 1, "red") * (MAX_OBJECTS + 1)
-    with pytest.raises(SceneError, match=f": {MAX_OBJECTS + 1} shapes and lights: expected at most {MAX_OBJECTS}$"):
+    with pytest.raises(
+        SceneError, match=f": {MAX_OBJECTS + 1} shapes and lights: expected at most {MAX_OBJECTS}$"
+    ):
         load(CAMERA + "[materials.red]\n" + spheres)
 
 
 @pytest.mark.parametrize(
     ("text", "place"),
-    [("[camera\n", "1:8"), (CAMERA + "fov = 3\n", "6:8"), (CAMERA + "\n  a = = 3\n", "7:7"), (CAMERA + "[camera]\n", "6:8")],
+    [
+        ("[camera\n", "1:8"),
+        (CAMERA + "fov = 3\n", "6:8"),
+        (CAMERA + "\n  a = = 3\n", "7:7"),
+        (CAMERA + "[camera]\n", "6:8"),
+    ],
 )
 def test_malformed_toml_is_placed(load, tmp_path, text, place):
-    with pytest.raises(SceneError, match=f"^{re.escape(str(tmp_path / 'scene.toml'))}:{place}: not valid TOML: ") as error:
+    with pytest.raises(
+        SceneError, match=f"^{re.escape(str(tmp_path / 'scene.toml'))}:{place}: not valid TOML: "
+    ) as error:
         load(text)
     assert "\n" not in str(error.value)
 
@@ -188,24 +242,35 @@ def test_unfinished_toml(load):
 
 
 def test_missing_file(tmp_path):
-    with pytest.raises(SceneError, match=r"nothing\.toml: cannot be read: No such file or directory$"):
+    with pytest.raises(
+        SceneError, match=r"nothing\.toml: cannot be read: No such file or directory$"
+    ):
         load_scene(tmp_path / "nothing.toml")
 
 
 def test_directory(tmp_path):
-    with pytest.raises(SceneError, match=f"^{re.escape(str(tmp_path))}: cannot be read: Is a directory$"):
+    with pytest.raises(
+        SceneError, match=f"^{re.escape(str(tmp_path))}: cannot be read: Is a directory$"
+    ):
         load_scene(tmp_path)
 
 
 def test_not_utf8(tmp_path):
     path = tmp_path / "latin.toml"
     path.write_bytes("# Größe\n".encode("latin-1"))
-    with pytest.raises(SceneError, match=r"latin\.toml: not a text file in UTF-8: byte 4 is not valid$"):
+    with pytest.raises(
+        SceneError, match=r"latin\.toml: not a text file in UTF-8: byte 4 is not valid$"
+    ):
         load_scene(path)
 
 
 @pytest.mark.parametrize(
-    "text", ["a = " + "[" * 5000 + "]" * 5000, "a = " + "{a = " * 5000 + "1" + "}" * 5000, "a = " + "9" * 5000]
+    "text",
+    [
+        "a = " + "[" * 5000 + "]" * 5000,
+        "a = " + "{a = " * 5000 + "1" + "}" * 5000,
+        "a = " + "9" * 5000,
+    ],
 )
 def test_text_that_overwhelms_the_parser(load, text):
     with pytest.raises(SceneError, match=r"not valid TOML: |a: unknown key"):
@@ -224,11 +289,32 @@ def test_path_may_be_text(tmp_path):
 
 def test_defaults(load):
     scene = load(CAMERA + BALL + LIGHT)
-    assert (scene.max_depth, scene.min_importance, scene.camera.up, scene.resolution) == (5, 0, (0, 1, 0), (8, 4))
+    assert (scene.max_depth, scene.min_importance, scene.camera.up, scene.resolution) == (
+        5,
+        0,
+        (0, 1, 0),
+        (8, 4),
+    )
     (red,) = scene.materials
-    assert (red.name, red.fresnel, red.checker, scene.lights[0].falloff) == ("red", False, None, "none")
-    defaults = {"color": (0, 0, 0), "specular": 0, "shininess": 50, "reflection": 0, "refraction": 0, "ior": 1.5, "shadow": 1}
-    values = {f"materials.red.{key}": value for key, value in defaults.items()} | {"background": (0,) * 3, "ambient": (0,) * 3}
+    assert (red.name, red.fresnel, red.checker, scene.lights[0].falloff) == (
+        "red",
+        False,
+        None,
+        "none",
+    )
+    defaults = {
+        "color": (0, 0, 0),
+        "specular": 0,
+        "shininess": 50,
+        "reflection": 0,
+        "refraction": 0,
+        "ior": 1.5,
+        "shadow": 1,
+    }
+    values = {f"materials.red.{key}": value for key, value in defaults.items()} | {
+        "background": (0,) * 3,
+        "ambient": (0,) * 3,
+    }
     for name, array in scene.parameters(*values).items():
         np.testing.assert_array_equal(np.array(array).ravel(), values[name], err_msg=name)
 
@@ -277,13 +363,28 @@ def test_every_key_arrives(load):
         "ambient": [4, 5, 6],
     }
     for name, array in scene.parameters(*expected).items():
-        np.testing.assert_allclose(np.array(array).ravel(), expected[name], rtol=1e-15, err_msg=name)
+        np.testing.assert_allclose(
+            np.array(array).ravel(), expected[name], rtol=1e-15, err_msg=name
+        )
 
 
 def test_default_names_count_from_zero(load):
-    text = CAMERA + BALL + 'name = "ball"\n' + sphere([2, 0, 0], 1, "red") + plane([0, 1, 0], 1, "red") + LIGHT * 2
+    text = (
+        CAMERA
+        + BALL
+        + 'name = "ball"\n'
+        + sphere([2, 0, 0], 1, "red")
+        + plane([0, 1, 0], 1, "red")
+        + LIGHT * 2
+    )
     scene = load(text)
-    assert [x.name for x in (*scene.shapes, *scene.lights)] == ["ball", "sphere1", "plane0", "light0", "light1"]
+    assert [x.name for x in (*scene.shapes, *scene.lights)] == [
+        "ball",
+        "sphere1",
+        "plane0",
+        "light0",
+        "light1",
+    ]
 
 
 def test_precision_decides_the_types(load):
@@ -306,7 +407,10 @@ FLOOR = plane([0, 1, 0], 1, "red")
 )
 def test_nothing_but_a_camera_is_needed(load, text, counts):
     scene = load(CAMERA + text)
-    assert (*(sum(isinstance(x, kind) for x in scene.shapes) for kind in (Sphere, Plane)), len(scene.lights)) == counts
+    assert (
+        *(sum(isinstance(x, kind) for x in scene.shapes) for kind in (Sphere, Plane)),
+        len(scene.lights),
+    ) == counts
 
 
 def test_object_of_one_kind_may_be_named_like_one_of_another(load):
@@ -315,7 +419,11 @@ def test_object_of_one_kind_may_be_named_like_one_of_another(load):
 
 
 def test_extremes_are_legal(load):
-    text = camera("fov", "179.9") + BALL.replace("radius = 1", "radius = 1e-10").replace("[0, 0, 0]", "[1e17, -1e17, 0]") + LIGHT
+    text = (
+        camera("fov", "179.9")
+        + BALL.replace("radius = 1", "radius = 1e-10").replace("[0, 0, 0]", "[1e17, -1e17, 0]")
+        + LIGHT
+    )
     scene = load(text + plane([0, 1e-12, 0], -1e9, "red"))
     assert math.isclose(np.array(scene.shapes[0].radius).item(), 1e-10)
     np.testing.assert_array_equal(np.array(scene.shapes[1].normal).ravel(), [0, 1, 0])

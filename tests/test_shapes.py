@@ -1,4 +1,6 @@
-"""Where rays meet spheres and planes, at sizes and places where plain formulas lose their digits, in both precisions."""
+"""Where rays meet spheres and planes, at sizes and places where plain formulas lose their digits,
+in both precisions.
+"""
 
 import math
 
@@ -9,7 +11,6 @@ from drjit.llvm import ad
 from samples import LIGHT, sphere
 from samples import render_plain as render
 
-from whitted.core.arrays import DOUBLE, SINGLE
 from whitted.core.numerics import safe_normalize, two_sum
 from whitted.core.ray import NONE, Ray, ShadowRay
 from whitted.shapes import Plane, Sphere
@@ -44,7 +45,9 @@ def segment(p, light):
 @pytest.mark.parametrize("compensated", [False, True])
 @pytest.mark.parametrize("offset", [-1e-3, -1e-6, -1e-7, 0, 1e-7, 1e-6, 1e-3])
 def test_tangent_ray(precision, compensated, offset):
-    """Stress 1: a hit or a miss, the same for the search and for shadows; the search has no gradient, see `test_trace`."""
+    """Stress 1: a hit or a miss, the same for the search and for shadows; the search has no
+    gradient, see `test_trace`.
+    """
     real, vector = TYPES[precision]
     for degrees in range(0, 360, 7):
         direction = math.radians(degrees)
@@ -59,14 +62,21 @@ def test_tangent_ray(precision, compensated, offset):
             assert hit.numpy() == (offset < 0)
         if hit.numpy()[0]:
             # sqrt(2 * offset), and of a rounding
-            assert t.numpy()[0] == pytest.approx(3, abs=math.sqrt(2 * abs(offset) + 20 * EPSILON[precision]))
+            assert t.numpy()[0] == pytest.approx(
+                3, abs=math.sqrt(2 * abs(offset) + 20 * EPSILON[precision])
+            )
 
 
 @pytest.mark.parametrize("compensated", [False, True])
 def test_exactly_tangent_ray_is_the_same_to_search_and_shadow(precision, compensated):
     """Stress 1."""
     real, vector = TYPES[precision]
-    target, o, d, no = ball(vector, (0, 0, 0), 1, compensated), vector(3, 1, 0), vector(-1, 0, 0), dr.mask_t(real)(False)
+    target, o, d, no = (
+        ball(vector, (0, 0, 0), 1, compensated),
+        vector(3, 1, 0),
+        vector(-1, 0, 0),
+        dr.mask_t(real)(False),
+    )
     beyond = ShadowRay(o, d, real(6), o + 6 * d, dr.uint32_array_t(real)(NONE), no)
     assert meets(target, ray_of(o, d))[1] == target.blocks(beyond, no).numpy()
 
@@ -82,7 +92,8 @@ def test_silhouette_of_a_distant_sphere(precision, distance):
     _, hit, _ = meets(ball(vector, (0, 0, -distance), 1), ray_of(o, d))
     # The grid's own error is a thousandth of a cell's share of the rim
     assert hit.sum() * (2.2 / side) ** 2 == pytest.approx(math.pi, rel=1e-4)
-    # No rings: away from the rim by a few roundings of a unit's size, a hit is what the distance from the axis says
+    # No rings: away from the rim by a few roundings of a unit's size, a hit is what the distance
+    # from the axis says
     squared = x.numpy().astype(float) ** 2 + y.numpy().astype(float) ** 2
     clear = abs(squared - 1) > 10 * EPSILON[precision]
     np.testing.assert_array_equal(hit[clear], squared[clear] < 1)
@@ -94,7 +105,9 @@ def test_distance_to_a_distant_sphere(precision, distance):
     vector = TYPES[precision][1]
     rng = np.random.default_rng(1)
     x, y = rng.uniform(-0.7, 0.7, (2, 1000)).astype(np.float32)
-    t, hit, _ = meets(ball(vector, (0, 0, -distance), 1), ray_of(vector(x, y, np.zeros_like(x)), vector(0, 0, -1)))
+    t, hit, _ = meets(
+        ball(vector, (0, 0, -distance), 1), ray_of(vector(x, y, np.zeros_like(x)), vector(0, 0, -1))
+    )
     assert hit.all()
     expected = distance - np.sqrt(1 - x.astype(float) ** 2 - y.astype(float) ** 2)
     np.testing.assert_allclose(t, expected, rtol=0, atol=2 * EPSILON[precision] * distance)
@@ -121,7 +134,9 @@ def test_leaving_ones_own_surface(precision, radius, compensated):
     assert hit.all()
     assert within.all()
     # Roundings of the origin, some radii large
-    np.testing.assert_allclose(t[inward], -2 * radius * slope[inward], rtol=0, atol=8 * EPSILON[precision] * radius)
+    np.testing.assert_allclose(
+        t[inward], -2 * radius * slope[inward], rtol=0, atol=8 * EPSILON[precision] * radius
+    )
     assert (t >= 0).all()
 
 
@@ -143,7 +158,9 @@ def test_origin_at_the_center(precision, radius, compensated):
 def test_sphere_behind(precision, compensated):
     """Stress 7: a miss."""
     vector = TYPES[precision][1]
-    _, hit, _ = meets(ball(vector, (0, 0, 3), 1, compensated), ray_of(vector(0.1, 0, 0), vector(0, 0, -1)))
+    _, hit, _ = meets(
+        ball(vector, (0, 0, 3), 1, compensated), ray_of(vector(0.1, 0, 0), vector(0, 0, -1))
+    )
     assert not hit.any()
 
 
@@ -163,7 +180,9 @@ def test_sphere_behind_has_no_gradient(load, precision):
 @pytest.mark.parametrize("compensated", [False, True])
 def test_ray_from_within(precision, compensated):
     vector = TYPES[precision][1]
-    t, hit, within = meets(ball(vector, (0, 0, 0), 2, compensated), ray_of(vector(0, 0, 1.5), vector(0, 0, -1)))
+    t, hit, within = meets(
+        ball(vector, (0, 0, 0), 2, compensated), ray_of(vector(0, 0, 1.5), vector(0, 0, -1))
+    )
     assert (hit.all(), within.all()) == (True, True)
     np.testing.assert_allclose(t, 3.5, rtol=4 * EPSILON[precision])
 
@@ -180,7 +199,14 @@ def test_plane_in_front_behind_and_along(precision):
 def test_plane_blocks_only_between_its_sides(precision):
     real, vector = TYPES[precision]
     floor = Plane("", "", vector(0, 1, 0), real(1))
-    for a, b, expected in ((1, -3, True), (-3, 1, True), (1, 2, False), (-3, -2, False), (-1, 2, False), (1, -1, False)):
+    for a, b, expected in (
+        (1, -3, True),
+        (-3, 1, True),
+        (1, 2, False),
+        (-3, -2, False),
+        (-1, 2, False),
+        (1, -1, False),
+    ):
         ray = segment(vector(0, a, 0), vector(5, b, 0))
         assert floor.blocks(ray, dr.mask_t(real)(False)).numpy() == expected
 
@@ -209,18 +235,26 @@ def test_two_sum_loses_nothing(precision):
     real = TYPES[precision][0]
     big, small = real(2.0**30), real(1 + EPSILON[precision])
     total, error = two_sum(big, small)
-    assert float(total.numpy()[0]) + float(error.numpy()[0]) == pytest.approx(2.0**30 + 1, rel=1e-15)
+    assert float(total.numpy()[0]) + float(error.numpy()[0]) == pytest.approx(
+        2.0**30 + 1, rel=1e-15
+    )
     assert error.numpy()[0] == float(small.numpy()[0]) - (float(total.numpy()[0]) - 2.0**30)
 
 
 def test_level_of_a_compensated_sphere_keeps_its_digits():
-    """Stress 5: near the surface of a ball of radius 1e6, single precision's squares have a rounding of 65536."""
+    """Stress 5: near the surface of a ball of radius 1e6, single precision's squares have a
+    rounding of 65536.
+    """
     vector = ad.Array3f
     heights = np.float32([0.25, 0.5, 3, -0.125])
     p = vector(np.float32([10, -3, 0.5, 40]), heights, np.float32([1, 2, 30, 4]))
-    exact = [float(x) ** 2 + (float(y) + 1e6) ** 2 + float(z) ** 2 - 1e12 for x, y, z in p.numpy().T]
+    exact = [
+        float(x) ** 2 + (float(y) + 1e6) ** 2 + float(z) ** 2 - 1e12 for x, y, z in p.numpy().T
+    ]
     # The last sum is rounded
-    np.testing.assert_allclose(ball(vector, (0, -1e6, 0), 1e6, compensated=True).level(p).numpy(), exact, rtol=4e-7)
+    np.testing.assert_allclose(
+        ball(vector, (0, -1e6, 0), 1e6, compensated=True).level(p).numpy(), exact, rtol=4e-7
+    )
     assert abs(ball(vector, (0, -1e6, 0), 1e6).level(p).numpy() - exact).max() > 1000
 
 
@@ -230,9 +264,13 @@ def test_safe_normalize(precision):
     dr.enable_grad(v)
     unit = safe_normalize(v)
     dr.backward(dr.sum(unit.x))
-    np.testing.assert_allclose(dr.detach(unit).numpy(), [[0, 0.6], [0, 0], [0, -0.8]], atol=4 * EPSILON[precision])
+    np.testing.assert_allclose(
+        dr.detach(unit).numpy(), [[0, 0.6], [0, 0], [0, -0.8]], atol=4 * EPSILON[precision]
+    )
     np.testing.assert_allclose(dr.grad(v).numpy()[:, 0], 0)
-    np.testing.assert_allclose(dr.grad(v).numpy()[:, 1], [0.64 / 5, 0, 0.48 / 5], rtol=20 * EPSILON[precision])
+    np.testing.assert_allclose(
+        dr.grad(v).numpy()[:, 1], [0.64 / 5, 0, 0.48 / 5], rtol=20 * EPSILON[precision]
+    )
 
 
 CAMERA = "[camera]\nposition = [0, 0, 4]\nlook_at = [0, 0, 0]\nfov = 45\nresolution = [48, 48]\n"
@@ -240,6 +278,14 @@ CAMERA = "[camera]\nposition = [0, 0, 4]\nlook_at = [0, 0, 0]\nfov = 45\nresolut
 
 def test_tangent_ray_goes_straight_through_index_one(load, precision):
     """Stress 1 and 8: glass of index 1 bends nothing, the ray that only just touches it included."""
-    text = "ambient = [1, 1, 1]\n" + CAMERA.replace("[48, 48]", "[1, 1]").replace("[0, 0,", "[1, 0,") + WHITE
-    text += "[materials.air]\nrefraction = 1\nior = 1\n" + sphere([1, 0, -5], 0.1, "white") + sphere([0, 0, 0], 1, "air")
+    text = (
+        "ambient = [1, 1, 1]\n"
+        + CAMERA.replace("[48, 48]", "[1, 1]").replace("[0, 0,", "[1, 0,")
+        + WHITE
+    )
+    text += (
+        "[materials.air]\nrefraction = 1\nior = 1\n"
+        + sphere([1, 0, -5], 0.1, "white")
+        + sphere([0, 0, 0], 1, "air")
+    )
     np.testing.assert_array_equal(render(load(text, precision)).numpy(), 1)

@@ -25,7 +25,9 @@ def test_every_case_of_the_list_is_there():
     assert len({suite.slug(case) for case in suite.CASES}) == 31
 
 
-@pytest.mark.parametrize("case", [case for case in suite.CASES if case.number in (1, 11, 14, 18)], ids=suite.slug)
+@pytest.mark.parametrize(
+    "case", [case for case in suite.CASES if case.number in (1, 11, 14, 18)], ids=suite.slug
+)
 def test_charts_show_where_methods_break(case):
     """Of two methods, or of two precisions, one breaks and the other does not, or does so later."""
     chart = case.chart()
@@ -71,7 +73,8 @@ def test_case_that_raises_fails():
 
 
 @pytest.mark.parametrize(
-    ("error", "bound", "passed"), [(0, 0, True), (1, 2, True), (2, 1, False), (np.nan, 1, False), (1, 0, False)]
+    ("error", "bound", "passed"),
+    [(0, 0, True), (1, 2, True), (2, 1, False), (np.nan, 1, False), (1, 0, False)],
 )
 def test_check(error, bound, passed):
     check = Check("", error, bound)

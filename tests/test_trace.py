@@ -12,7 +12,9 @@ from samples import render_plain as render
 # A camera at z = 5 above (0, 0) that looks down the z axis, with one pixel
 AXIS = "[camera]\nposition = [{x}, {y}, 5]\nlook_at = [{x}, {y}, 0]\nfov = 1\nresolution = [1, 1]\n"
 WHITE = "[materials.white]\ncolor = [1, 1, 1]\n"
-CAMERA = "[camera]\nposition = [0.1, 0.2, 4]\nlook_at = [0, 0, 0]\nfov = 40\nresolution = [24, 24]\n"
+CAMERA = (
+    "[camera]\nposition = [0.1, 0.2, 4]\nlook_at = [0, 0, 0]\nfov = 40\nresolution = [24, 24]\n"
+)
 
 
 def axis(x=0.0, y=0.0):
@@ -43,7 +45,9 @@ def gradient(scene):
 @pytest.mark.parametrize("name", SCENES)
 def test_image_is_what_the_contract_says(load, name):
     # Curved surfaces magnify rounding about tenfold a bounce: 2e-16 * 1e5 stays far below 1e-9
-    np.testing.assert_allclose(picture(load, SCENES[name]), Reference(SCENES[name]).image(), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        picture(load, SCENES[name]), Reference(SCENES[name]).image(), rtol=0, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -54,11 +58,15 @@ def test_random_scene_is_what_the_contract_says(load, seed):
 
 def test_samples_sit_on_a_grid_and_are_averaged(load):
     text = SCENES["all"].replace("[16, 12]", "[6, 6]")
-    np.testing.assert_allclose(picture(load, text, spp=9), Reference(text).image(spp=9), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        picture(load, text, spp=9), Reference(text).image(spp=9), rtol=0, atol=1e-9
+    )
 
 
 def test_deep_image_after_a_shallow_one(load):
-    """The stack of a kernel has room for the depth that is asked for now, not for that of an earlier call."""
+    """The stack of a kernel has room for the depth that is asked for now, not for that of an
+    earlier call.
+    """
     text = SCENES["all"].replace("[16, 12]", "[6, 6]")
     assert_same = np.testing.assert_allclose
     for depth in (2, 12, 3, 7):
@@ -68,7 +76,8 @@ def test_deep_image_after_a_shallow_one(load):
 
 def test_single_precision_is_close_to_double(load):
     text = SCENES["diffuse under two lights"]
-    # Away from edges, which a rounding may move across a pixel's centre, a few dozen roundings of 6e-8 add up
+    # Away from edges, which a rounding may move across a pixel's centre, a few dozen roundings of
+    # 6e-8 add up
     error = abs(picture(load, text, "single") - picture(load, text)).max(-1)
     assert np.quantile(error, 0.97) < 1e-5
 
@@ -92,18 +101,24 @@ def test_light_in_strange_places(load, precision, objects, expected):
 
 
 def test_light_on_a_sphere_shines_away_from_it(load):
-    """Stress 22: the segment to a light that lies on a sphere does not cross it from outside, and does from behind."""
+    """Stress 22: the segment to a light that lies on a sphere does not cross it from outside, and
+    does from behind.
+    """
     text = axis(0, 0.5) + WHITE + plane([0, 0, 1], 1, "white")
     front = sphere([0, 3, 1], 1, "white") + light(0, 3, 0)
     behind = sphere([0, 3, -0.5], 0.25, "white") + light(0, 3, -0.25)
     expected = [1 / math.hypot(1, 2.5), 0]
-    np.testing.assert_allclose([color(load, text + objects)[0] for objects in (front, behind)], expected, atol=1e-14)
+    np.testing.assert_allclose(
+        [color(load, text + objects)[0] for objects in (front, behind)], expected, atol=1e-14
+    )
 
 
 def test_empty_scene(load, precision):
     """Stress 27: a scene with nothing in it shows its background."""
     scene = load("background = [0.25, 0.5, 1]\n" + CAMERA, precision)
-    np.testing.assert_array_equal(render(scene).numpy(), np.broadcast_to([0.25, 0.5, 1], (24, 24, 3)))
+    np.testing.assert_array_equal(
+        render(scene).numpy(), np.broadcast_to([0.25, 0.5, 1], (24, 24, 3))
+    )
     names = list(scene.parameters())
     assert names == ["camera.position", "camera.look_at", "camera.fov", "background", "ambient"]
     expected = np.zeros(13)

@@ -22,7 +22,10 @@ __all__ = [
     "write_image",
 ]
 
-if Path(sys.argv[0]).name == "whitted" and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+if (
+    Path(sys.argv[0]).name == "whitted"
+    and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+):
     # While the command line starts, Ctrl-C ends it without a word; then `cli.main` catches it
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
@@ -31,7 +34,9 @@ try:
 except BackendError:
 
     def __getattr__(name: str) -> object:
-        """Without LLVM every name raises `BackendError` when it is asked for: the command line can start and print it."""
+        """Without LLVM every name raises `BackendError` when it is asked for: the command line can
+        start and print it.
+        """
         if not name.startswith("__"):
             configure()
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

@@ -1,6 +1,8 @@
-"""Choose the libLLVM that Dr.Jit loads; standard library only, since Dr.Jit looks for it once, while it is imported.
+"""Choose the libLLVM that Dr.Jit loads; standard library only, since Dr.Jit looks for it once,
+while it is imported.
 
-Run as a script, it prints the library it would choose, or says what is missing and exits with status 1.
+Run as a script, it prints the library it would choose, or says what is missing and exits with
+status 1.
 """
 
 import ctypes
@@ -21,9 +23,14 @@ PACKAGES = "^libllvm[0-9]+(t64)?$"
 FOLDERS = (
     *("usr/local/lib", "usr/lib/*-linux-gnu*", "lib/*-linux-gnu*", "usr/lib64", "usr/lib"),
     *("usr/lib/llvm*/lib*", "usr/lib/llvm/*/lib*", "usr/lib64/llvm*/lib*"),
-    *("opt/homebrew/opt/llvm*/lib", "usr/local/opt/llvm*/lib", "home/linuxbrew/.linuxbrew/opt/llvm*/lib"),
+    *(
+        "opt/homebrew/opt/llvm*/lib",
+        "usr/local/opt/llvm*/lib",
+        "home/linuxbrew/.linuxbrew/opt/llvm*/lib",
+    ),
 )
-# libLLVM-19.so, libLLVM-15.so.1, libLLVM.so.19.1, libLLVM.19.1.dylib; and libLLVM.so, which does not tell
+# libLLVM-19.so, libLLVM-15.so.1, libLLVM.so.19.1, libLLVM.19.1.dylib; and libLLVM.so, which does
+# not tell
 FILE_NAME = re.compile(r"libLLVM(?:(?:[-.]|\.so\.)(\d+)[\d.]*)?(?:\.so|\.dylib)?[\d.]*")
 
 
@@ -41,7 +48,8 @@ class Library:
 
 
 def configure() -> Library:
-    """Choose the libLLVM of this process and have Dr.Jit load it; further calls have the same outcome.
+    """Choose the libLLVM of this process and have Dr.Jit load it; further calls have the same
+    outcome.
 
     Raises:
         BackendError: there is no usable library, or Dr.Jit was imported before and has found none.
@@ -56,7 +64,11 @@ def configure() -> Library:
 def _outcome() -> Library | BackendError:
     imported = "drjit" in sys.modules
     if imported:
-        library = Library(os.environ.get(VARIABLE, "libLLVM"), None, "drjit was imported before whitted and had chosen it")
+        library = Library(
+            os.environ.get(VARIABLE, "libLLVM"),
+            None,
+            "drjit was imported before whitted and had chosen it",
+        )
     else:
         try:
             library = choose(search_folders(os.environ), os.environ)
@@ -64,8 +76,13 @@ def _outcome() -> Library | BackendError:
             return error
     try:
         import drjit
-    except (ImportError, NameError) as error:  # Dr.Jit's own handling of the first runs into the second
-        return BackendError(f"Dr.Jit cannot be imported: {error.__context__ or error}; install what is missing (setup does)")
+    except (
+        ImportError,
+        NameError,
+    ) as error:  # Dr.Jit's own handling of the first runs into the second
+        return BackendError(
+            f"Dr.Jit cannot be imported: {error.__context__ or error}; install what is missing (setup does)"
+        )
 
     if drjit.has_backend(drjit.JitBackend.LLVM):
         return replace(library, version=drjit.detail.llvm_version()[0])
@@ -77,7 +94,8 @@ def _outcome() -> Library | BackendError:
 
 
 def choose(folders: Sequence[Path], environ: MutableMapping[str, str]) -> Library:
-    """Set Dr.Jit's variable to the library that the user named, else to the best one of some folders.
+    """Set Dr.Jit's variable to the library that the user named, else to the best one of some
+    folders.
 
     Raises:
         BackendError: no library is usable.
@@ -90,7 +108,8 @@ def choose(folders: Sequence[Path], environ: MutableMapping[str, str]) -> Librar
 
 
 def find_library(folders: Iterable[Path], environ: Mapping[str, str]) -> Library | None:
-    """The library that the user named, else the newest one in some folders that is new enough and can be loaded.
+    """The library that the user named, else the newest one in some folders that is new enough and
+    can be loaded.
 
     Raises:
         BackendError: the user named a library that is missing, broken or too old.
@@ -119,16 +138,22 @@ def candidates(folders: Iterable[Path]) -> list[tuple[int, Path]]:
 
 
 def search_folders(environ: Mapping[str, str], root: Path = Path("/")) -> list[Path]:
-    """Existing folders that may hold libLLVM: the user's own, then Conda's and Python's, then the system's."""
+    """Existing folders that may hold libLLVM: the user's own, then Conda's and Python's, then the
+    system's.
+    """
     own = [folder for folder in environ.get("LD_LIBRARY_PATH", "").split(os.pathsep) if folder]
     prefixes = [environ.get("CONDA_PREFIX"), sys.prefix, sys.base_prefix]
-    listed = [Path(folder) for folder in own] + [Path(prefix, "lib") for prefix in prefixes if prefix]
+    listed = [Path(folder) for folder in own] + [
+        Path(prefix, "lib") for prefix in prefixes if prefix
+    ]
     listed += [folder for pattern in FOLDERS for folder in sorted(root.glob(pattern))]
     return [folder for folder in dict.fromkeys(listed) if folder.is_dir()]
 
 
 def loads(path: Path | str) -> bool:
-    """Whether the library can be loaded: it is whole, of this architecture, and has all it depends on."""
+    """Whether the library can be loaded: it is whole, of this architecture, and has all it depends
+    on.
+    """
     try:
         ctypes.CDLL(str(path))
     except OSError:
@@ -139,7 +164,11 @@ def loads(path: Path | str) -> bool:
 def remedy(environ: Mapping[str, str], release: Path = Path("/etc/os-release")) -> str:
     """The command that installs a libLLVM on this system, or a sentence where it is not known."""
     sudo = "" if os.geteuid() == 0 else "sudo "
-    lines = re.findall(r'^ID(?:_LIKE)?="?([^"\n]*)', release.read_text(), re.MULTILINE) if release.is_file() else []
+    lines = (
+        re.findall(r'^ID(?:_LIKE)?="?([^"\n]*)', release.read_text(), re.MULTILINE)
+        if release.is_file()
+        else []
+    )
     system = " ".join(lines).split()
     command = None
     if environ.get("CONDA_PREFIX"):
@@ -153,14 +182,23 @@ def remedy(environ: Mapping[str, str], release: Path = Path("/etc/os-release")) 
     elif "arch" in system:
         command = f"{sudo}pacman -S llvm-libs"
     general = f"install the shared library of LLVM {ALL_WORKS} or newer from your system's packages"
-    return (f"install one with: {command}" if command else general) + f" (or set {VARIABLE} to the file of one)"
+    return (
+        f"install one with: {command}" if command else general
+    ) + f" (or set {VARIABLE} to the file of one)"
 
 
 def _apt(sudo: str) -> str | None:
     """The newest package that apt knows; None when all are too old."""
     search = ["apt-cache", "search", "--names-only", PACKAGES]
-    listing = subprocess.run(search, capture_output=True, text=True, check=False).stdout if shutil.which(search[0]) else ""
-    packages = [(int(number), name) for name, number in re.findall(r"^(libllvm(\d+)(?:t64)?)\b", listing, re.MULTILINE)]
+    listing = (
+        subprocess.run(search, capture_output=True, text=True, check=False).stdout
+        if shutil.which(search[0])
+        else ""
+    )
+    packages = [
+        (int(number), name)
+        for name, number in re.findall(r"^(libllvm(\d+)(?:t64)?)\b", listing, re.MULTILINE)
+    ]
     if not packages:
         newest = f"apt-cache search --names-only '{PACKAGES}' | cut -d' ' -f1 | sort -V | tail -1"
         return f"{sudo}apt-get update && {sudo}apt-get install -y $({newest})"
@@ -169,7 +207,9 @@ def _apt(sudo: str) -> str | None:
 
 
 def _named(path: str) -> Library:
-    """The library in Dr.Jit's variable, respected as it is; a name without a folder is for the loader to find."""
+    """The library in Dr.Jit's variable, respected as it is; a name without a folder is for the
+    loader to find.
+    """
     version = _version(Path(path))
     fault = None
     if os.sep in path and not Path(path).is_file():
@@ -179,15 +219,21 @@ def _named(path: str) -> Library:
     elif not loads(path):
         fault = "it cannot be loaded as a library"
     if fault:
-        raise BackendError(f"{VARIABLE}={path}: {fault}; name another, or unset the variable to have one found")
+        raise BackendError(
+            f"{VARIABLE}={path}: {fault}; name another, or unset the variable to have one found"
+        )
     return Library(path, version, f"named by {VARIABLE}")
 
 
 def _version(path: Path) -> int | None:
-    """The major version, by the name of the file behind the links, else of the link, else by asking the library."""
+    """The major version, by the name of the file behind the links, else of the link, else by asking
+    the library.
+    """
     for name in (path.resolve().name, path.name):
         match = FILE_NAME.fullmatch(name)
-        if match and match[1] and int(match[1]) > 2:  # libLLVM.so.1 numbers the interface; its link tells the version
+        if (
+            match and match[1] and int(match[1]) > 2
+        ):  # libLLVM.so.1 numbers the interface; its link tells the version
             return int(match[1])
     try:
         get_version = ctypes.CDLL(str(path)).LLVMGetVersion
@@ -202,7 +248,10 @@ def _what_is_wrong(folders: Iterable[Path]) -> str:
     found = candidates(folders)
     if not found:
         return "no libLLVM was found on this system"
-    faults = [f"{path} (LLVM {version}) {'is too old' if version < OLDEST else 'cannot be loaded'}" for version, path in found]
+    faults = [
+        f"{path} (LLVM {version}) {'is too old' if version < OLDEST else 'cannot be loaded'}"
+        for version, path in found
+    ]
     return f"no usable libLLVM, {OLDEST} or newer, was found: {', '.join(faults)}"
 
 

@@ -14,8 +14,8 @@ def torch_render(scene: Scene, parameters: Mapping[str, Any], spp: int = 1, **op
     """Render a scene with parameters from PyTorch, differentiably in them.
 
     Args:
-        parameters: name, as in `Scene.parameters`, to a tensor on the CPU: of one number, or of three for a vector; float32
-            for a scene in single precision, float64 in double.
+        parameters: name, as in `Scene.parameters`, to a tensor on the CPU: of one number, or of
+            three for a vector; float32 for a scene in single precision, float64 in double.
         spp, options: of `render`.
 
     Returns:
@@ -34,13 +34,21 @@ def torch_render(scene: Scene, parameters: Mapping[str, Any], spp: int = 1, **op
         ) from None
     own = scene.parameters(*parameters) if parameters else {}
     for name, value in parameters.items():
-        size, kind = 3 if dr.depth_v(own[name]) == 2 else 1, getattr(torch, scene.precision.dtype.__name__)
+        size, kind = (
+            3 if dr.depth_v(own[name]) == 2 else 1,
+            getattr(torch, scene.precision.dtype.__name__),
+        )
         if not isinstance(value, torch.Tensor) or value.numel() != size or value.dtype != kind:
-            raise ValueError(f"{name}: expected a tensor of {size} x {kind}, got {_described(value)}")
+            raise ValueError(
+                f"{name}: expected a tensor of {size} x {kind}, got {_described(value)}"
+            )
 
     @dr.wrap(source="torch", target="drjit")
     def image(*tensors: Array) -> Array:
-        values = {name: _parameter(type(own[name]), tensor.array) for name, tensor in zip(own, tensors, strict=True)}
+        values = {
+            name: _parameter(type(own[name]), tensor.array)
+            for name, tensor in zip(own, tensors, strict=True)
+        }
         return render(scene.replace(values), spp, **options)
 
     return image(*(value.reshape(-1) for value in parameters.values()))
@@ -54,4 +62,8 @@ def _parameter(kind: Any, numbers: Array) -> Array:
 
 
 def _described(value: object) -> str:
-    return f"{value.numel()} x {value.dtype}" if hasattr(value, "numel") and hasattr(value, "dtype") else repr(value)
+    return (
+        f"{value.numel()} x {value.dtype}"
+        if hasattr(value, "numel") and hasattr(value, "dtype")
+        else repr(value)
+    )

@@ -1,4 +1,6 @@
-"""What peers share: the scene, and a loop that answers run.py, so that peers stay in processes of their own and take turns."""
+"""What peers share: the scene, and a loop that answers run.py, so that peers stay in processes of
+their own and take turns.
+"""
 
 import json
 import os
@@ -13,7 +15,13 @@ SCENE = HERE.parent / "yardstick.toml"
 SPHERES = [f"spheres.sphere{k}.{field}" for k in range(3) for field in ("center", "radius")]
 MATERIALS = ["materials.mirror.ior", "materials.glass.ior", "materials.green.ior"]
 # The 12 parameters of a gradient, 24 numbers in this order
-NAMES = [*SPHERES, *MATERIALS, "lights.light0.position", "lights.light0.intensity", "camera.position"]
+NAMES = [
+    *SPHERES,
+    *MATERIALS,
+    "lights.light0.position",
+    "lights.light0.intensity",
+    "camera.position",
+]
 # Numbers among the 24 whose derivative of the summed image is compared
 PROBES = {"sphere x": 8, "mirror x": 0, "index": 13}
 
@@ -32,10 +40,16 @@ def values() -> dict[str, list[float]]:
     loaded = scene()
     found = {}
     for k, sphere in enumerate(loaded["spheres"]):
-        found |= {f"spheres.sphere{k}.center": sphere["center"], f"spheres.sphere{k}.radius": [sphere["radius"]]}
+        found |= {
+            f"spheres.sphere{k}.center": sphere["center"],
+            f"spheres.sphere{k}.radius": [sphere["radius"]],
+        }
     found |= {name: [loaded["materials"][name.split(".")[1]].get("ior", 1.5)] for name in MATERIALS}
     light = loaded["lights"][0]
-    found |= {"lights.light0.position": light["position"], "lights.light0.intensity": light["intensity"]}
+    found |= {
+        "lights.light0.position": light["position"],
+        "lights.light0.intensity": light["intensity"],
+    }
     return found | {"camera.position": loaded["camera"]["position"]}
 
 
@@ -74,7 +88,11 @@ def answer(peer: Peer, request: dict) -> dict:
     start = time.perf_counter()
     result = call()
     milliseconds = (time.perf_counter() - start) * 1e3
-    reply = {"ms": peer.milliseconds or milliseconds, "megabytes": peer.megabytes or memory(), "compiled": peer.compiled}
+    reply = {
+        "ms": peer.milliseconds or milliseconds,
+        "megabytes": peer.megabytes or memory(),
+        "compiled": peer.compiled,
+    }
     if "path" in request:
         np.save(request["path"], np.array(result))
     elif request["call"] != "image":

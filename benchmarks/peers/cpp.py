@@ -20,13 +20,17 @@ class Cpp(common.Peer):
         self.program = Path(self.folder.name) / "tracer"
         flags = ["-std=c++17", "-O3", "-march=native", "-pthread"]
         start = time.perf_counter()
-        subprocess.run([compiler, *flags, common.HERE / "tracer.cpp", "-o", self.program], check=True)
+        subprocess.run(
+            [compiler, *flags, common.HERE / "tracer.cpp", "-o", self.program], check=True
+        )
         self.compiled = time.perf_counter() - start
 
     def run(self, what: str) -> tuple[dict[str, list[str]], bytes]:
         """The printed lines by their first word, and the picture."""
         picture = Path(self.folder.name) / "picture"
-        printed = subprocess.run([self.program, what, picture], check=True, capture_output=True, text=True).stdout
+        printed = subprocess.run(
+            [self.program, what, picture], check=True, capture_output=True, text=True
+        ).stdout
         lines = {line.split()[0]: line.split()[1:] for line in printed.splitlines()}
         self.milliseconds, self.megabytes = float(lines["ms"][0]), int(lines["memory"][0]) / 1024
         return lines, picture.read_bytes()

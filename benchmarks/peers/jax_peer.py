@@ -1,9 +1,10 @@
 """JAX (jit, grad) on the processor: generations of rays, each packed into arrays of a fixed size.
 
-The direct port, a tree of 31 nodes for each pixel, compiles for minutes and runs for seconds. Here the children that go on are
-packed densely, into as many slots as this scene needs. Each generation is a call of its own: within one call the compiler
-computed hits and shadows anew for each of their uses, and was slower, as were tiles of the image in a loop (`lax.map`) with
-generations in another (`lax.scan`): 118 ms for the image and 457 for the gradient, where this took 96 and 278.
+The direct port, a tree of 31 nodes for each pixel, compiles for minutes and runs for seconds. Here
+the children that go on are packed densely, into as many slots as this scene needs. Each generation
+is a call of its own: within one call the compiler computed hits and shadows anew for each of their
+uses, and was slower, as were tiles of the image in a loop (`lax.map`) with generations in another
+(`lax.scan`): 118 ms for the image and 457 for the gradient, where this took 96 and 278.
 """
 
 from functools import partial
@@ -31,13 +32,22 @@ class Jax(common.Peer):
 
         @partial(jax.jit, static_argnums=0)
         def pack(slots, weight, place, index, p, children):
-            direction, share, into = (jnp.concatenate(pair, -1) for pair in zip(*children, strict=True))
+            direction, share, into = (
+                jnp.concatenate(pair, -1) for pair in zip(*children, strict=True)
+            )
             (chosen,) = jnp.nonzero(share, size=slots, fill_value=share.size)
             there = chosen < share.size
             chosen = jnp.where(there, chosen, 0)
             parent = chosen % place.size
             share = jnp.where(there, weight[parent] * share[chosen], 0)
-            return share, place[parent], p[:, parent], direction[:, chosen], index[parent], into[chosen]
+            return (
+                share,
+                place[parent],
+                p[:, parent],
+                direction[:, chosen],
+                index[parent],
+                into[chosen],
+            )
 
         def image(parameters):
             weight, place = jnp.ones(PIXELS), jnp.arange(PIXELS)
@@ -51,7 +61,10 @@ class Jax(common.Peer):
                     weight, place, *rays = pack(slots, weight, place, index, p, children)
             return total
 
-        mean_square, total = jax.jit(lambda image: (image**2).mean()), jax.jit(lambda image: image.sum())
+        mean_square, total = (
+            jax.jit(lambda image: (image**2).mean()),
+            jax.jit(lambda image: image.sum()),
+        )
         self.calls = {
             "image": image,
             "gradient": jax.grad(lambda parameters: mean_square(image(parameters))),

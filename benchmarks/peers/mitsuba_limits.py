@@ -1,7 +1,9 @@
-"""What Mitsuba 3 says of the parameters of a scene like the yardstick's: python benchmarks/peers/mitsuba_limits.py
+"""What Mitsuba 3 says of the parameters of a scene like the yardstick's: python
+benchmarks/peers/mitsuba_limits.py
 
-Prints a line for each that is asked for: whether it can be differentiated, by Mitsuba's own flags, and whether moving edges
-are accounted for. Then the derivative of an ideal mirror's picture by the place of a matte sphere that only the mirror shows.
+Prints a line for each that is asked for: whether it can be differentiated, by Mitsuba's own flags,
+and whether moving edges are accounted for. Then the derivative of an ideal mirror's picture by the
+place of a matte sphere that only the mirror shows.
 """
 
 import json
@@ -28,13 +30,19 @@ def flags() -> dict[str, str]:
             found[what] = "is not among the parameters"
             continue
         flag = parameters.flags(key)
-        names = [name for name in ("NonDifferentiable", "Discontinuous") if flag & int(getattr(mi.ParamFlags, name))]
+        names = [
+            name
+            for name in ("NonDifferentiable", "Discontinuous")
+            if flag & int(getattr(mi.ParamFlags, name))
+        ]
         found[what] = ", ".join(names) or "Differentiable"
     return found
 
 
 def mirrored(spp: int = 256) -> tuple[float, float]:
-    """d sum / d x of a matte sphere that is seen in an ideal mirror alone: by prb_projective, and by differences."""
+    """d sum / d x of a matte sphere that is seen in an ideal mirror alone: by prb_projective, and
+    by differences.
+    """
     import drjit as dr
     import mitsuba as mi
 
@@ -51,7 +59,11 @@ def mirrored(spp: int = 256) -> tuple[float, float]:
             "integrator": {"type": "prb_projective", "max_depth": 4},
             "sensor": {"type": "perspective", "fov": 40, "to_world": look, "film": film},
             "mirror": {"type": "rectangle", "to_world": wall, "bsdf": mirror},
-            "ball": {"type": "sphere", "to_world": mi.ScalarTransform4f().translate([0.2, 0, 3]), "emitter": glow},
+            "ball": {
+                "type": "sphere",
+                "to_world": mi.ScalarTransform4f().translate([0.2, 0, 3]),
+                "emitter": glow,
+            },
         }
     )
     parameters = mi.traverse(scene)

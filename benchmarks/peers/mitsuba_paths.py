@@ -1,8 +1,10 @@
-"""Mitsuba 3 (LLVM) with its own integrators: mitsuba_paths.py path|prb|prb_projective, at 16 samples a pixel, depth 5.
+"""Mitsuba 3 (LLVM) with its own integrators: mitsuba_paths.py path|prb|prb_projective, at 16
+samples a pixel, depth 5.
 
-Not the same work: paths go on between matte surfaces, by chance. The image is that of `path`; the gradient is of the mean of
-squares by the position of the matte sphere, which both of its methods can do. A smooth dielectric's index, the place of a
-point light and the camera they cannot: `mitsuba_limits.py` lets Mitsuba say so.
+Not the same work: paths go on between matte surfaces, by chance. The image is that of `path`; the
+gradient is of the mean of squares by the position of the matte sphere, which both of its methods
+can do. A smooth dielectric's index, the place of a point light and the camera they cannot:
+`mitsuba_limits.py` lets Mitsuba say so.
 """
 
 import sys
@@ -21,7 +23,9 @@ def description(integrator: str) -> dict:
 
     loaded = common.scene()
     camera, light = loaded["camera"], loaded["lights"][0]
-    look = mi.ScalarTransform4f().look_at(origin=camera["position"], target=camera["look_at"], up=[0, 1, 0])
+    look = mi.ScalarTransform4f().look_at(
+        origin=camera["position"], target=camera["look_at"], up=[0, 1, 0]
+    )
     film = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"}}
     # With its guiding, a gradient of this scene by prb_projective took more than two minutes
     guiding = {"guiding": "none"} if integrator == "prb_projective" else {}
@@ -29,18 +33,34 @@ def description(integrator: str) -> dict:
         "type": "scene",
         "integrator": {"type": integrator, "max_depth": loaded["max_depth"] + 1, **guiding},
         "sensor": {"type": "perspective", "fov": camera["fov"], "to_world": look, "film": film},
-        "light": {"type": "point", "position": light["position"], "intensity": {"type": "rgb", "value": light["intensity"]}},
+        "light": {
+            "type": "point",
+            "position": light["position"],
+            "intensity": {"type": "rgb", "value": light["intensity"]},
+        },
     }
     special = {
-        "mirror": {"type": "conductor", "material": "none", "specular_reflectance": {"type": "rgb", "value": [0.9] * 3}},
+        "mirror": {
+            "type": "conductor",
+            "material": "none",
+            "specular_reflectance": {"type": "rgb", "value": [0.9] * 3},
+        },
         "glass": {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0},
     }
     for k, sphere in enumerate(loaded["spheres"]):
         place = mi.ScalarTransform4f().translate(sphere["center"]).scale(sphere["radius"])
-        scene[f"s{k}"] = {"type": "sphere", "to_world": place, "bsdf": special.get(sphere["material"]) or matte(loaded, sphere)}
+        scene[f"s{k}"] = {
+            "type": "sphere",
+            "to_world": place,
+            "bsdf": special.get(sphere["material"]) or matte(loaded, sphere),
+        }
     for k, plane in enumerate(loaded["planes"]):
         n = np.array(plane["normal"], float)
-        wall = mi.ScalarTransform4f().look_at(origin=list(-n), target=[0, 0, 0], up=list(np.roll(n, 1))).scale(3.3)
+        wall = (
+            mi.ScalarTransform4f()
+            .look_at(origin=list(-n), target=[0, 0, 0], up=list(np.roll(n, 1)))
+            .scale(3.3)
+        )
         scene[f"p{k}"] = {"type": "rectangle", "to_world": wall, "bsdf": matte(loaded, plane)}
     return scene
 
@@ -67,7 +87,9 @@ class Mitsuba(common.Peer):
             self.image = None
 
     def picture(self, place, spp: int):
-        """The image with the matte sphere at a place; each call has noise of its own, unless `seed` is kept."""
+        """The image with the matte sphere at a place; each call has noise of its own, unless `seed`
+        is kept.
+        """
         mi = self.mi
         self.parameters["s2.to_world"] = mi.AffineTransform4f().translate(place).scale(0.2)
         self.parameters.update()
@@ -93,11 +115,20 @@ class Mitsuba(common.Peer):
         return [float(v) for v in np.ravel(dr.grad(place).numpy())]
 
     def sums(self) -> dict[str, float]:
-        """Of the summed image by the sphere's x: two estimates, and a central difference of Mitsuba's own images."""
+        """Of the summed image by the sphere's x: two estimates, and a central difference of
+        Mitsuba's own images.
+        """
         found = [self.gradient(lambda image: self.dr.sum(image, axis=None))[0] for _ in range(2)]
-        upper, lower = (float(self.picture(self.place(change), MANY).numpy().sum(dtype=float)) for change in (STEP, -STEP))
+        upper, lower = (
+            float(self.picture(self.place(change), MANY).numpy().sum(dtype=float))
+            for change in (STEP, -STEP)
+        )
         exact = (upper - lower) / (2 * STEP)
-        return {"sphere x": float(np.mean(found)), "spread": float(np.std(found, ddof=1)), "own reference": exact}
+        return {
+            "sphere x": float(np.mean(found)),
+            "spread": float(np.std(found, ddof=1)),
+            "own reference": exact,
+        }
 
 
 if __name__ == "__main__":

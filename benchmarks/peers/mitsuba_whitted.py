@@ -1,7 +1,9 @@
-"""Mitsuba 3 (LLVM) doing the same work: an integrator in its Python interface that follows both children of a ray.
+"""Mitsuba 3 (LLVM) doing the same work: an integrator in its Python interface that follows both
+children of a ray.
 
-The shapes are Mitsuba's, and its ray tracing finds hits and shadows; materials, which it has no plugin for, are tables. Rays
-are traced generation by generation, each child's packed densely: in one kernel, the unrolled tree compiled for minutes.
+The shapes are Mitsuba's, and its ray tracing finds hits and shadows; materials, which it has no
+plugin for, are tables. Rays are traced generation by generation, each child's packed densely: in
+one kernel, the unrolled tree compiled for minutes.
 """
 
 import math
@@ -20,7 +22,9 @@ def load(mi, loaded: dict):
         scene[f"s{k}"] = {"type": "sphere", "to_world": place}
     for k, plane in enumerate(loaded["planes"]):
         n = np.array(plane["normal"], float)
-        look = mi.ScalarTransform4f().look_at(origin=list(-n), target=[0, 0, 0], up=list(np.roll(n, 1)))
+        look = mi.ScalarTransform4f().look_at(
+            origin=list(-n), target=[0, 0, 0], up=list(np.roll(n, 1))
+        )
         scene[f"s{k + 3}"] = {"type": "rectangle", "to_world": look.scale(FAR)}
     return mi.load_dict(scene)
 
@@ -35,9 +39,18 @@ def integrator(mi, dr, loaded: dict):
             super().__init__(mi.Properties())
             self.parameters = parameters
             places = {shape.id(): k for k, shape in enumerate(scene.shapes())}
-            order = [int(dr.reinterpret_array(mi.UInt32, scene.shapes_dr())[places[f"s{k}"]]) for k in range(len(shapes))]
-            self.weights = [self.spread(order, [m.get(field, 0) for m in materials]) for field in ("reflection", "refraction")]
-            self.colors = [self.spread(order, [m.get("color", [0, 0, 0])[c] for m in materials]) for c in range(3)]
+            order = [
+                int(dr.reinterpret_array(mi.UInt32, scene.shapes_dr())[places[f"s{k}"]])
+                for k in range(len(shapes))
+            ]
+            self.weights = [
+                self.spread(order, [m.get(field, 0) for m in materials])
+                for field in ("reflection", "refraction")
+            ]
+            self.colors = [
+                self.spread(order, [m.get("color", [0, 0, 0])[c] for m in materials])
+                for c in range(3)
+            ]
             self.index = mi.UInt32(self.spread(order, range(len(shapes))))
 
         def spread(self, order: list[int], numbers) -> object:
@@ -47,7 +60,9 @@ def integrator(mi, dr, loaded: dict):
             return mi.Float(spread)
 
         def vector(self, name: str):
-            return mi.Vector3f(*[dr.gather(mi.Float, self.parameters[name], mi.UInt32(k)) for k in range(3)])
+            return mi.Vector3f(
+                *[dr.gather(mi.Float, self.parameters[name], mi.UInt32(k)) for k in range(3)]
+            )
 
         def lit(self, scene, si, n, d, shape):
             """Light that a surface reflects."""
@@ -57,12 +72,20 @@ def integrator(mi, dr, loaded: dict):
             lit = si.is_valid() & (lambert > 0)
             lit &= ~scene.ray_test(dr.detach(si.spawn_ray_to(dr.detach(si.p + to))), lit)
             color = mi.Color3f(*[dr.gather(mi.Float, c, shape) for c in self.colors])
-            spot = dr.select(shine > 0, 0.3 * dr.power(dr.select(lit & (shine > 0), shine, 1), 50.0), 0)
-            return dr.select(lit, mi.Color3f(self.vector("lights.light0.intensity")) * (color * lambert + spot), 0)
+            spot = dr.select(
+                shine > 0, 0.3 * dr.power(dr.select(lit & (shine > 0), shine, 1), 50.0), 0
+            )
+            return dr.select(
+                lit,
+                mi.Color3f(self.vector("lights.light0.intensity")) * (color * lambert + spot),
+                0,
+            )
 
         def trace(self, scene, o, d, weight, place, image, depth: int) -> None:
             """Add what rays return to their pixels, then trace their children."""
-            si = scene.ray_intersect(mi.Ray3f(mi.Point3f(o), d), mi.RayFlags.All, coherent=depth == 1)
+            si = scene.ray_intersect(
+                mi.Ray3f(mi.Point3f(o), d), mi.RayFlags.All, coherent=depth == 1
+            )
             shape = dr.select(si.is_valid(), dr.reinterpret_array(mi.UInt32, si.shape), 0)
             inside = dr.dot(dr.detach(si.n), dr.detach(d)) > 0
             n = dr.select(si.is_valid(), dr.select(inside, -si.n, si.n), mi.Normal3f(0, 1, 0))
@@ -71,21 +94,36 @@ def integrator(mi, dr, loaded: dict):
                 dr.scatter_add(image, light[c], 3 * place + c)
             if depth == DEPTH:
                 return
-            reflection, refraction = (dr.gather(mi.Float, table, shape, si.is_valid()) for table in self.weights)
-            index = dr.gather(mi.Float, self.parameters["ior"], dr.minimum(dr.gather(mi.UInt32, self.index, shape), 2))
+            reflection, refraction = (
+                dr.gather(mi.Float, table, shape, si.is_valid()) for table in self.weights
+            )
+            index = dr.gather(
+                mi.Float,
+                self.parameters["ior"],
+                dr.minimum(dr.gather(mi.UInt32, self.index, shape), 2),
+            )
             eta, cosine = dr.select(inside, index, 1 / index), -dr.dot(n, d)
             k = 1 - eta * eta * (1 - cosine * cosine)
             total = (refraction > 0) & (k <= 0)
-            reflection, refraction = dr.select(total, reflection + refraction, reflection), dr.select(total, 0, refraction)
+            reflection, refraction = (
+                dr.select(total, reflection + refraction, reflection),
+                dr.select(total, 0, refraction),
+            )
             mirrored = d + 2 * cosine * n
             bent = eta * d + (eta * cosine - dr.sqrt(dr.select(refraction > 0, k, 1))) * n
             children = (mirrored, reflection), (bent, refraction)
-            starts = [(mi.Vector3f(si.spawn_ray(direction).o), direction, weight * part) for direction, part in children]
+            starts = [
+                (mi.Vector3f(si.spawn_ray(direction).o), direction, weight * part)
+                for direction, part in children
+            ]
             dr.eval(starts, place, reflection, refraction)
             for (origin, direction, share), (_, part) in zip(starts, children, strict=True):
                 chosen = dr.compress(part > 0)
                 if dr.width(chosen):
-                    packed = [dr.gather(type(value), value, chosen) for value in (origin, direction, share, place)]
+                    packed = [
+                        dr.gather(type(value), value, chosen)
+                        for value in (origin, direction, share, place)
+                    ]
                     self.trace(scene, *packed, image, depth + 1)
 
     return Whitted
@@ -114,7 +152,9 @@ class Mitsuba(common.Peer):
         return values
 
     def ray(self, camera):
-        """Rays through the pixels' centres, 4 x 4 blocks of which are neighbours in memory: directions, pixels."""
+        """Rays through the pixels' centres, 4 x 4 blocks of which are neighbours in memory:
+        directions, pixels.
+        """
         dr, mi = self.dr, self.mi
         i = dr.arange(mi.UInt32, SIZE * SIZE)
         block, lane = i // 16, i % 16
@@ -123,16 +163,24 @@ class Mitsuba(common.Peer):
         right = dr.normalize(dr.cross(forward, mi.Vector3f(0, 1, 0)))
         up = dr.cross(right, forward)
         scale = math.tan(math.radians(53.130102354 / 2))
-        u, v = (2 * (mi.Float(x) + 0.5) / SIZE - 1) * scale, (1 - 2 * (mi.Float(y) + 0.5) / SIZE) * scale
+        u, v = (
+            (2 * (mi.Float(x) + 0.5) / SIZE - 1) * scale,
+            (1 - 2 * (mi.Float(y) + 0.5) / SIZE) * scale,
+        )
         return dr.normalize(forward + u * right + v * up), y * SIZE + x
 
     def render(self, values: dict):
         """The image, flat."""
         dr, mi = self.dr, self.mi
         for k in range(3):
-            center, radius = values[f"spheres.sphere{k}.center"], values[f"spheres.sphere{k}.radius"]
+            center, radius = (
+                values[f"spheres.sphere{k}.center"],
+                values[f"spheres.sphere{k}.radius"],
+            )
             center = mi.Point3f(*[dr.gather(mi.Float, center, mi.UInt32(c)) for c in range(3)])
-            self.traversed[f"s{k}.to_world"] = mi.AffineTransform4f().translate(center).scale(radius)
+            self.traversed[f"s{k}.to_world"] = (
+                mi.AffineTransform4f().translate(center).scale(radius)
+            )
         self.traversed.update()
         ior = dr.zeros(mi.Float, 3)
         for k, name in enumerate(common.MATERIALS):
@@ -141,7 +189,9 @@ class Mitsuba(common.Peer):
         camera = method.vector("camera.position")
         d, place = self.ray(camera)
         image = dr.zeros(mi.Float, 3 * SIZE * SIZE)
-        method.trace(self.scene, camera + dr.zeros(mi.Vector3f, dr.width(d)), d, mi.Float(1), place, image, 1)
+        method.trace(
+            self.scene, camera + dr.zeros(mi.Vector3f, dr.width(d)), d, mi.Float(1), place, image, 1
+        )
         return image
 
     def image(self):

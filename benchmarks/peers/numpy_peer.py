@@ -21,7 +21,14 @@ class NumPy(common.Peer):
         for direction, share, into in children:
             chosen = np.flatnonzero(share)
             if chosen.size:
-                packed = p[:, chosen], direction[:, chosen], (weight * share)[chosen], place[chosen], index[chosen], into[chosen]
+                packed = (
+                    p[:, chosen],
+                    direction[:, chosen],
+                    (weight * share)[chosen],
+                    place[chosen],
+                    index[chosen],
+                    into[chosen],
+                )
                 self.trace(image, parameters, *packed, depth + 1)
 
     def image(self):
@@ -32,7 +39,17 @@ class NumPy(common.Peer):
         o, d = w.primary(np, self.tables, parameters, places)
         image = np.zeros((3, places.size))
         no = np.zeros(places.size, bool)
-        self.trace(image, parameters, o, d, np.ones(places.size, np.float32), places, no.astype(np.int32) - 1, no, 1)
+        self.trace(
+            image,
+            parameters,
+            o,
+            d,
+            np.ones(places.size, np.float32),
+            places,
+            no.astype(np.int32) - 1,
+            no,
+            1,
+        )
         return image.T.reshape(w.SIZE, w.SIZE, 3).astype(np.float32)
 
 

@@ -28,7 +28,10 @@ def references() -> dict[str, float]:
     """By name of common.PROBES."""
     places = [(name, k) for name in common.NAMES for k in range(len(common.values()[name]))]
     probes = {probe: places[place] for probe, place in common.PROBES.items()}
-    return {probe: (total(*place, STEP) - total(*place, -STEP)) / (2 * STEP) for probe, place in probes.items()}
+    return {
+        probe: (total(*place, STEP) - total(*place, -STEP)) / (2 * STEP)
+        for probe, place in probes.items()
+    }
 
 
 if __name__ == "__main__":

@@ -1,7 +1,9 @@
-"""Other renderers beside this one, on the same scene in the same run: python benchmarks/peers/run.py [ROUNDS] [-o DIR]
+"""Other renderers beside this one, on the same scene in the same run: python
+benchmarks/peers/run.py [ROUNDS] [-o DIR]
 
-Each peer that is installed is a process of its own, with empty caches. Its first image and gradient are timed alone, for
-the compile time; then all take turns. Writes peers.md and peers.png (needs the `bench` extra) to docs, or to DIR.
+Each peer that is installed is a process of its own, with empty caches. Its first image and gradient
+are timed alone, for the compile time; then all take turns. Writes peers.md and peers.png (needs the
+`bench` extra) to docs, or to DIR.
 """
 
 import argparse
@@ -53,16 +55,25 @@ class Worker:
         environment = {**os.environ, "DRJIT_CACHE_DIR": str(Path(cache) / name.replace(" ", "_"))}
         command = [sys.executable, str(HERE / PEERS[name][0]), *PEERS[name][1:]]
         self.name, self.times, self.first = name, {"image": [], "gradient": []}, {}
-        self.megabytes, self.picture, self.sums, self.compiled = {}, Path(cache) / f"{len(os.listdir(cache))}.npy", {}, None
+        self.megabytes, self.picture, self.sums, self.compiled = (
+            {},
+            Path(cache) / f"{len(os.listdir(cache))}.npy",
+            {},
+            None,
+        )
         pipe = subprocess.PIPE
-        self.process = subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL, text=True)
+        self.process = subprocess.Popen(
+            command, env=environment, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL, text=True
+        )
         ready = self.read()
         self.missing = ready.get("missing")
         self.cannot = set()
 
     def read(self) -> dict:
         line = self.process.stdout.readline()
-        return json.loads(line) if line else {"missing": f"stopped with status {self.process.wait()}"}
+        return (
+            json.loads(line) if line else {"missing": f"stopped with status {self.process.wait()}"}
+        )
 
     def ask(self, call: str, **more) -> dict:
         """One call's answer."""
@@ -81,7 +92,11 @@ class Worker:
         for call in self.times:
             reply = self.ask(call)
             if reply:
-                self.first[call], self.megabytes[call], self.compiled = reply["ms"], reply["megabytes"], reply["compiled"]
+                self.first[call], self.megabytes[call], self.compiled = (
+                    reply["ms"],
+                    reply["megabytes"],
+                    reply["compiled"],
+                )
         self.ask("image", path=str(self.picture))
         self.sums = self.ask("sums").get("result", {})
 
@@ -105,13 +120,19 @@ class Worker:
         row = {"name": self.name, "sums": self.sums}
         for call, times in self.times.items():
             if times:
-                numbers = {"median": statistics.median(times), "fastest": min(times), "megabytes": self.megabytes[call]}
+                numbers = {
+                    "median": statistics.median(times),
+                    "fastest": min(times),
+                    "megabytes": self.megabytes[call],
+                }
                 row[call] = numbers | {"compile": self.seconds(call)}
         return row
 
 
 def unlike(picture: Path, ours: Path) -> dict:
-    """How a picture differs from ours: relative RMSE of all pixels, share of pixels off by 0.01, and RMSE of the others."""
+    """How a picture differs from ours: relative RMSE of all pixels, share of pixels off by 0.01,
+    and RMSE of the others.
+    """
     import numpy as np
 
     if not picture.exists():
@@ -121,7 +142,9 @@ def unlike(picture: Path, ours: Path) -> dict:
     return {
         "rmse": float(np.linalg.norm(a - b) / np.linalg.norm(b)),
         "off": float(off.mean()),
-        "rest": float(np.linalg.norm((a - b)[~off]) / np.linalg.norm(b[~off])) if not off.all() else float("nan"),
+        "rest": float(np.linalg.norm((a - b)[~off]) / np.linalg.norm(b[~off]))
+        if not off.all()
+        else float("nan"),
     }
 
 
@@ -148,7 +171,9 @@ def measure(rounds: int) -> tuple[list[dict], dict[str, str]]:
 
 def script(name: str) -> str:
     """What another script of this folder prints."""
-    return subprocess.run([sys.executable, str(HERE / name)], check=True, capture_output=True, text=True).stdout
+    return subprocess.run(
+        [sys.executable, str(HERE / name)], check=True, capture_output=True, text=True
+    ).stdout
 
 
 def cells(row: dict, call: str, field: str, form: str) -> str:
@@ -157,11 +182,21 @@ def cells(row: dict, call: str, field: str, form: str) -> str:
 
 def speed_table(rows: list[dict]) -> list[str]:
     """Times, compile times and memory."""
-    lines = ["| | image, ms | fastest | gradient, ms | fastest | compile, s: image | gradient | memory, MB: image | gradient |"]
+    lines = [
+        "| | image, ms | fastest | gradient, ms | fastest | compile, s: image | gradient | memory, MB: image | gradient |"
+    ]
     lines.append("|---|" + "---:|" * 8)
     for row in rows:
-        times = [cells(row, call, field, "{:.1f}") for call in ("image", "gradient") for field in ("median", "fastest")]
-        other = [cells(row, c, f, "{:.1f}" if f == "compile" else "{:.0f}") for f in ("compile", "megabytes") for c in TIMED]
+        times = [
+            cells(row, call, field, "{:.1f}")
+            for call in ("image", "gradient")
+            for field in ("median", "fastest")
+        ]
+        other = [
+            cells(row, c, f, "{:.1f}" if f == "compile" else "{:.0f}")
+            for f in ("compile", "megabytes")
+            for c in TIMED
+        ]
         lines.append(f"| {row['name']} | " + " | ".join(times + other) + " |")
     return lines
 
@@ -171,7 +206,10 @@ TIMED = ("image", "gradient")
 
 def picture_table(rows: list[dict]) -> list[str]:
     """How pictures differ from ours."""
-    lines = ["| | relative RMSE | pixels off by 0.01 | RMSE of the others |", "|---|---:|---:|---:|"]
+    lines = [
+        "| | relative RMSE | pixels off by 0.01 | RMSE of the others |",
+        "|---|---:|---:|---:|",
+    ]
     for row in rows:
         if row["unlike"]:
             u = row["unlike"]
@@ -187,11 +225,16 @@ def gradient_table(rows: list[dict], references: dict[str, float]) -> list[str]:
     lines.append(f"| central differences, converged, double | {exact} |")
     for row in rows:
         if set(row["sums"]) >= set(PROBES):
-            fractions = (f"{row['sums'][p]:.0f} ({100 * row['sums'][p] / references[p]:.1f} %)" for p in PROBES)
+            fractions = (
+                f"{row['sums'][p]:.0f} ({100 * row['sums'][p] / references[p]:.1f} %)"
+                for p in PROBES
+            )
             lines.append(f"| {row['name']} | " + " | ".join(fractions) + " |")
         elif row["sums"]:
             x, spread, own = (row["sums"][key] for key in ("sphere x", "spread", "own reference"))
-            text = f"{x:.0f} +- {spread:.0f} ({100 * x / own:.1f} % of its own differences, {own:.0f})"
+            text = (
+                f"{x:.0f} +- {spread:.0f} ({100 * x / own:.1f} % of its own differences, {own:.0f})"
+            )
             lines.append(f"| {row['name']} | {text} | cannot, see below | cannot |")
     return lines
 
@@ -200,7 +243,11 @@ def limits_list(limits: dict[str, str]) -> list[str]:
     """What Mitsuba says of parameters."""
     if "missing" in limits:
         return []
-    lines = ["## What Mitsuba 3 cannot differentiate", "", "By its own flags (`python benchmarks/peers/mitsuba_limits.py`);"]
+    lines = [
+        "## What Mitsuba 3 cannot differentiate",
+        "",
+        "By its own flags (`python benchmarks/peers/mitsuba_limits.py`);",
+    ]
     lines += [
         "`Discontinuous` means that edges move, which `prb_projective` follows where it sees them directly or in shadows.",
         "",
@@ -210,21 +257,41 @@ def limits_list(limits: dict[str, str]) -> list[str]:
 
 def targets(rows: list[dict]) -> list[str]:
     """How many times longer the others took."""
-    medians = {row["name"]: {call: row[call]["median"] for call in TIMED if call in row} for row in rows}
-    lines = ["## Times as multiples of ours", "", "| | image, of plain | gradient, of plain | gradient, of that with edges |"]
+    medians = {
+        row["name"]: {call: row[call]["median"] for call in TIMED if call in row} for row in rows
+    }
+    lines = [
+        "## Times as multiples of ours",
+        "",
+        "| | image, of plain | gradient, of plain | gradient, of that with edges |",
+    ]
     lines.append("|---|---:|---:|---:|")
     for name, own in medians.items():
         if name not in (PLAIN, OURS):
             pairs = (("image", PLAIN), ("gradient", PLAIN), ("gradient", OURS))
-            numbers = (f"{own[call] / medians[ours][call]:.1f}" if call in own else "-" for call, ours in pairs)
+            numbers = (
+                f"{own[call] / medians[ours][call]:.1f}" if call in own else "-"
+                for call, ours in pairs
+            )
             lines.append(f"| {name} | " + " | ".join(numbers) + " |")
     return [*lines, ""]
 
 
-def document(rows: list[dict], missing: dict, references: dict[str, float], limits: dict[str, str], rounds: int) -> str:
+def document(
+    rows: list[dict],
+    missing: dict,
+    references: dict[str, float],
+    limits: dict[str, str],
+    rounds: int,
+) -> str:
     """The page."""
     machine = f"{os.cpu_count()} cores, {platform.machine()}, Linux"
-    lines = ["# Peers", "", "Written by `python benchmarks/peers/run.py`; every number is of that one run.", ""]
+    lines = [
+        "# Peers",
+        "",
+        "Written by `python benchmarks/peers/run.py`; every number is of that one run.",
+        "",
+    ]
     lines += [
         f"The scene of `benchmarks/yardstick.toml`, 512 x 512, depth 5, on {machine}. Medians of {rounds} rounds in which all",
         f"peers took turns ({TURNS} rounds for calls of more than {SLOW / 1e3:g} s), each in a process of its own. The gradient",
@@ -238,12 +305,29 @@ def document(rows: list[dict], missing: dict, references: dict[str, float], limi
         "others, elsewhere): some 5 times less than Dr.Jit's kernels, if the ratio to scalar C++ carries over.",
         "",
     ]
-    lines += ["## Is it the same picture?", "", "Against `boundary=False`, one sample at each pixel's centre.", ""]
+    lines += [
+        "## Is it the same picture?",
+        "",
+        "Against `boundary=False`, one sample at each pixel's centre.",
+        "",
+    ]
     lines += [*picture_table(rows), ""]
-    lines += [f"- {name}: {note}" for name, note in NOTES.items() if any(row["name"] == name for row in rows)]
+    lines += [
+        f"- {name}: {note}"
+        for name, note in NOTES.items()
+        if any(row["name"] == name for row in rows)
+    ]
     lines += ["", "## Gradients", ""]
-    lines += ["Derivatives of the summed image, in parentheses as a part of the central differences (double, `boundary=True`,"]
-    lines += ["16 samples a pixel, step 1e-4).", "", *gradient_table(rows, references), "", *limits_list(limits)]
+    lines += [
+        "Derivatives of the summed image, in parentheses as a part of the central differences (double, `boundary=True`,"
+    ]
+    lines += [
+        "16 samples a pixel, step 1e-4).",
+        "",
+        *gradient_table(rows, references),
+        "",
+        *limits_list(limits),
+    ]
     lines += [f"Not installed: {name} ({why})." for name, why in missing.items()]
     return "\n".join(lines).rstrip() + "\n"
 
@@ -257,19 +341,27 @@ def plot(rows: list[dict], path: Path) -> None:
 
     figure, axes = plt.subplots(figsize=(10, 0.6 * len(rows) + 1.2), constrained_layout=True)
     for call, shift, color in (("image", 0.2, "#4477aa"), ("gradient", -0.2, "#ee6677")):
-        found = [(len(rows) - k + shift, row[call]["median"]) for k, row in enumerate(rows) if call in row]
+        found = [
+            (len(rows) - k + shift, row[call]["median"])
+            for k, row in enumerate(rows)
+            if call in row
+        ]
         places, times = zip(*found, strict=True)
         bars = axes.barh(places, times, 0.38, label=call, color=color)
         axes.bar_label(bars, [f"{time:.1f}" for time in times], padding=3, fontsize=8)
     axes.set_yticks([len(rows) - k for k in range(len(rows))], [row["name"] for row in rows])
-    axes.set(xscale="log", xlabel="milliseconds, median, 512 x 512", title="One scene, taking turns")
+    axes.set(
+        xscale="log", xlabel="milliseconds, median, 512 x 512", title="One scene, taking turns"
+    )
     axes.margins(x=0.12)
     axes.legend()
     figure.savefig(path, dpi=110)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("rounds", nargs="?", type=int, default=15)
     parser.add_argument("-o", "--output", type=Path, default=HERE.parents[1] / "docs")
     arguments = parser.parse_args()

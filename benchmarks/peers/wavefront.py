@@ -1,6 +1,8 @@
-"""The yardstick's scene over any array library like NumPy: a generation of rays at a time, packed densely.
+"""The yardstick's scene over any array library like NumPy: a generation of rays at a time, packed
+densely.
 
-Written once for `numpy_peer.py` and `jax_peer.py`, which differ in how they pack rays and add to pixels.
+Written once for `numpy_peer.py` and `jax_peer.py`, which differ in how they pack rays and add to
+pixels.
 """
 
 import math
@@ -16,18 +18,24 @@ class Tables:
 
     def __init__(self) -> None:
         loaded = common.scene()
-        materials = [loaded["materials"][shape["material"]] for shape in (*loaded["spheres"], *loaded["planes"])]
+        materials = [
+            loaded["materials"][shape["material"]]
+            for shape in (*loaded["spheres"], *loaded["planes"])
+        ]
         self.normals = np.array([plane["normal"] for plane in loaded["planes"]], np.float32)
         self.colors = np.array([m.get("color", [0, 0, 0]) for m in materials], np.float32)
         self.reflection, self.refraction = (
-            np.array([m.get(field, 0) for m in materials], np.float32) for field in ("reflection", "refraction")
+            np.array([m.get(field, 0) for m in materials], np.float32)
+            for field in ("reflection", "refraction")
         )
         self.scale = math.tan(math.radians(loaded["camera"]["fov"] / 2))
 
 
 def flat_parameters() -> np.ndarray:
     """The 24 numbers."""
-    return np.array([number for values in common.values().values() for number in values], np.float32)
+    return np.array(
+        [number for values in common.values().values() for number in values], np.float32
+    )
 
 
 def dot(a, b):
@@ -43,7 +51,13 @@ def primary(xp, tables: Tables, parameters, places):
     camera = parameters[21:24]
     forward = unit(xp, -camera)
     right = unit(xp, xp.stack([-forward[2], 0 * forward[0], forward[0]]))
-    up = xp.stack([-right[2] * forward[1], right[2] * forward[0] - right[0] * forward[2], right[0] * forward[1]])
+    up = xp.stack(
+        [
+            -right[2] * forward[1],
+            right[2] * forward[0] - right[0] * forward[2],
+            right[0] * forward[1],
+        ]
+    )
     u = (2 * (places % SIZE + 0.5) / SIZE - 1) * tables.scale
     v = (1 - 2 * (places // SIZE + 0.5) / SIZE) * tables.scale
     d = unit(xp, forward[:, None] + right[:, None] * u + up[:, None] * v)
@@ -106,13 +120,17 @@ def chosen(xp, index, numbers):
 
 
 def shade(xp, tables: Tables, parameters, o, d, source, inward):
-    """A generation: its light, and for both children direction, weight and side; then where they start, and on what."""
+    """A generation: its light, and for both children direction, weight and side; then where they
+    start, and on what.
+    """
     t, index = closest(xp, tables, parameters, o, d, source, inward)
     hits = index >= 0
     p = o + d * xp.where(hits, t, 1)
     n = xp.zeros_like(d)
     for k in range(SPHERES):
-        n = xp.where(index == k, (p - parameters[4 * k : 4 * k + 3, None]) / parameters[4 * k + 3], n)
+        n = xp.where(
+            index == k, (p - parameters[4 * k : 4 * k + 3, None]) / parameters[4 * k + 3], n
+        )
     for k, normal in enumerate(tables.normals, SPHERES):
         n = xp.where(index == k, normal[:, None], n)
     inside = dot(n, d) > 0
@@ -132,9 +150,15 @@ def shade(xp, tables: Tables, parameters, o, d, source, inward):
         eta = xp.where(index == k, xp.where(inside, ior, 1 / ior), eta)
     cosine = -dot(d, n)
     squared = 1 - eta * eta * (1 - cosine * cosine)
-    reflection, refraction = chosen(xp, index, tables.reflection), chosen(xp, index, tables.refraction)
+    reflection, refraction = (
+        chosen(xp, index, tables.reflection),
+        chosen(xp, index, tables.refraction),
+    )
     total = (refraction > 0) & (squared <= 0)
-    reflection, refraction = xp.where(total, reflection + refraction, reflection), xp.where(total, 0, refraction)
+    reflection, refraction = (
+        xp.where(total, reflection + refraction, reflection),
+        xp.where(total, 0, refraction),
+    )
     mirrored = d + 2 * cosine * n
     bent = eta * d + (eta * cosine - xp.sqrt(xp.where(refraction > 0, squared, 1))) * n
     return radiance, (mirrored, reflection, inside), (bent, refraction, ~inside), p, index

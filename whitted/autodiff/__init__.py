@@ -1,1 +1,3 @@
-"""Derivatives of radiance along rays, in forward and in reverse mode. What moves with an edge is not in them."""
+"""Derivatives of radiance along rays, in forward and in reverse mode. What moves with an edge is
+not in them.
+"""

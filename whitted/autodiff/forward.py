@@ -1,7 +1,7 @@
 """Forward mode: each ray carries its tangent down the tree of rays.
 
-A node is a small function of its ray and the scene, and a tree of nodes is the chain rule. No intermediate image is
-stored, whatever the depth.
+A node is a small function of its ray and the scene, and a tree of nodes is the chain rule. No
+intermediate image is stored, whatever the depth.
 """
 
 from collections.abc import Mapping
@@ -25,7 +25,9 @@ Parameters = Mapping[str, Array]
 
 @dataclass
 class Tangent:
-    """Tangents of a node along a direction of parameter space (not frozen: Dr.Jit's loops write to their state)."""
+    """Tangents of a node along a direction of parameter space (not frozen: Dr.Jit's loops write to
+    their state).
+    """
 
     o: Array
     d: Array

@@ -1,8 +1,8 @@
 """Reverse mode: a walk that returns up the tree of rays.
 
-Dr.Jit cannot record a loop with a stack for reverse mode, and need not. A node's own light is differentiated on
-arrival, and each child when the walk comes back from it with the adjoints of its ray and the light that it saw. No
-intermediate image is stored, whatever the depth.
+Dr.Jit cannot record a loop with a stack for reverse mode, and need not. A node's own light is
+differentiated on arrival, and each child when the walk comes back from it with the adjoints of its
+ray and the light that it saw. No intermediate image is stored, whatever the depth.
 """
 
 from collections.abc import Mapping
@@ -57,14 +57,18 @@ def radiance_vjp(
     Args:
         scene: with unit vectors for its directions, and no gradients.
         sums: parameter name to derivatives so far, as wide as the wavefront.
-        wide: parameter name to value, as wide as the wavefront, which keeps each lane's derivative in its lane.
+        wide: parameter name to value, as wide as the wavefront, which keeps each lane's derivative
+            in its lane.
         seed: Array3f, the adjoint of `recursion.radiance`.
         moves: whether derivatives by the rays are of use.
 
     Returns:
-        The sums with these rays' derivatives added, and the derivatives by the rays' origins and directions.
+        The sums with these rays' derivatives added, and the derivatives by the rays' origins and
+        directions.
     """
-    return walk_back(Tree(scene, wide, seed, limits, None if moves else changed(scene, wide)), sums, ray)
+    return walk_back(
+        Tree(scene, wide, seed, limits, None if moves else changed(scene, wide)), sums, ray
+    )
 
 
 @dataclass
@@ -78,7 +82,9 @@ class Place:
 
 @dataclass
 class Waiting:
-    """A node between the camera and the one that is being traced (not frozen: Dr.Jit's loops write to their state)."""
+    """A node between the camera and the one that is being traced (not frozen: Dr.Jit's loops write
+    to their state).
+    """
 
     node: Node  # its link has the primitive that was hit, and marks for what became of its children
     back: Adjoint
@@ -122,8 +128,8 @@ def walk_back(tree: "Tree", sums: Parameters, ray: Ray) -> tuple[dict[str, Array
 class Tree:
     """The two steps of a walk through a tree of rays in reverse mode.
 
-    A ray moves if something changes on the way to it. Light is differentiated only where a ray that moves arrives, or
-    any at a primitive that changes; other light changes nothing.
+    A ray moves if something changes on the way to it. Light is differentiated only where a ray that
+    moves arrives, or any at a primitive that changes; other light changes nothing.
     """
 
     scene: Scene
@@ -139,13 +145,18 @@ class Tree:
         return self.scene.carrying(values), Node(o, d, node.weight, node.link), values
 
     def where(self, moves, differentiated, node, hit, sums, *more):
-        """What a node adds to the adjoint of its ray and to the sums: nothing where the ray does not move."""
+        """What a node adds to the adjoint of its ray and to the sums: nothing where the ray does
+        not move.
+        """
         inputs = node, hit, sums, *more
         if self.changed is None:
             return differentiated(*inputs)
         # Create the zeros outside of the branch; Dr.Jit would reuse them after it
         dark = Adjoint.zero(node)
-        yes, no = lambda dark, *inputs: differentiated(*inputs), lambda dark, node, hit, sums, *_: (dark, sums)
+        yes, no = (
+            lambda dark, *inputs: differentiated(*inputs),
+            lambda dark, node, hit, sums, *_: (dark, sums),
+        )
         return dr.if_stmt((dark, *inputs), moves, yes, no)
 
     def light(self, node, hit, sums):
@@ -190,7 +201,9 @@ class Tree:
         return Place(dr.detach(seen.child(child)), back, moves), stack, sums, child.active
 
     def come_back(self, place, stack, sums, tracing):
-        """Take a child's adjoints through its parent, then go on with the second child or return further."""
+        """Take a child's adjoints through its parent, then go on with the second child or return
+        further.
+        """
         nothing = Waiting(place.node, place.back, place.node.weight)
         stack, waiting = stack.pop(type(tracing)(True), nothing)
         node, link = waiting.node, waiting.node.link

@@ -25,9 +25,7 @@ class Precision:
     epsilon: float  # spacing of the numbers just above 1
 
 
-SINGLE = Precision(
-    "single", ad.Float, ad.Array2f, ad.Array3f, ad.TensorXf, np.float32, 2.0**-23
-)
+SINGLE = Precision("single", ad.Float, ad.Array2f, ad.Array3f, ad.TensorXf, np.float32, 2.0**-23)
 DOUBLE = Precision(
     "double", ad.Float64, ad.Array2f64, ad.Array3f64, ad.TensorXf64, np.float64, 2.0**-52
 )

@@ -1,9 +1,10 @@
-"""Functions whose kernels are recorded once and then replayed, which skips tracing their Python code.
+"""Functions whose kernels are recorded once and then replayed, which skips tracing their Python
+code.
 
-Dr.Jit's `freeze` walks through arguments and results while it holds the lock of all its arrays, and it runs Python
-there for dataclasses and for comparisons. Should another thread's turn come just then, that thread's next work on an
-array waits for the lock, and both wait forever. So `freeze` is given a list of arrays alone; all else is done before
-and after.
+Dr.Jit's `freeze` walks through arguments and results while it holds the lock of all its arrays, and
+it runs Python there for dataclasses and for comparisons. Should another thread's turn come just
+then, that thread's next work on an array waits for the lock, and both wait forever. So `freeze` is
+given a list of arrays alone; all else is done before and after.
 """
 
 from collections.abc import Callable, Hashable
@@ -21,8 +22,8 @@ Result = TypeVar("Result")
 def frozen(function: Callable[..., Result]) -> Callable[..., Result]:
     """Record the function for each structure of its arguments.
 
-    Arguments, by position, and results are made of tuples, dictionaries and dataclasses of arrays, and of values that
-    can be hashed. Another such value is another recording.
+    Arguments, by position, and results are made of tuples, dictionaries and dataclasses of arrays,
+    and of values that can be hashed. Another such value is another recording.
     """
     recordings: dict[Hashable, _Recording] = {}
 
@@ -56,5 +57,7 @@ class _Recording:
 
     def _trace(self, arrays: list[Array]) -> list[Array]:
         results: list[Array] = []
-        self.result = take_apart(self.function(*put_together(self.arguments, iter(arrays))), results)
+        self.result = take_apart(
+            self.function(*put_together(self.arguments, iter(arrays))), results
+        )
         return results

@@ -1,6 +1,7 @@
 """Small functions that keep floating point honest.
 
-Source of the error-free sum: T. J. Dekker, "A Floating-Point Technique for Extending the Available Precision" (1971).
+Source of the error-free sum: T. J. Dekker, "A Floating-Point Technique for Extending the Available
+Precision" (1971).
 """
 
 import drjit as dr

@@ -1,8 +1,10 @@
-"""What a scene's things say of their own numbers: one table of parameters, from which all else is made.
+"""What a scene's things say of their own numbers: one table of parameters, from which all else is
+made.
 
-A class of things (a shape, a light, a material, the camera) is a dataclass. A field that is a `parameter` has a name, a
-size, a range and a scale; one that is a `setting` can be written in a file, but not differentiated. The checks of
-files and of `Scene.replace`, the names of parameters, a fit's bounds and its steps are all read from these fields.
+A class of things (a shape, a light, a material, the camera) is a dataclass. A field that is a
+`parameter` has a name, a size, a range and a scale; one that is a `setting` can be written in a
+file, but not differentiated. The checks of files and of `Scene.replace`, the names of parameters, a
+fit's bounds and its steps are all read from these fields.
 """
 
 import dataclasses
@@ -12,10 +14,11 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
 
-# The largest number that is taken: squares of all lengths, and their reciprocals, fit single precision
+# The largest number that is taken: squares of all lengths, and their reciprocals, fit single
+# precision
 LARGEST = 1e18
-# How far a number may overstep a closed end in `Scene.replace`: steps of differences and of optimisers do, and the image
-# goes on smoothly there
+# How far a number may overstep a closed end in `Scene.replace`: steps of differences and of
+# optimisers do, and the image goes on smoothly there
 OVERSTEP = 0.01
 
 
@@ -57,7 +60,8 @@ class Scale:
 
     part: float
     of: Literal["one", "value", "radius", "view"]
-    # "value": the parameter itself; "radius": that of the same thing; "view": the distance of the eye from what it looks at
+    # "value": the parameter itself; "radius": that of the same thing; "view": the distance of the
+    # eye from what it looks at
 
 
 # Directions and numbers between 0 and 1

@@ -1,4 +1,6 @@
-"""Nested tuples, dictionaries and dataclasses of arrays: taken apart into a flat list, and put together again."""
+"""Nested tuples, dictionaries and dataclasses of arrays: taken apart into a flat list, and put
+together again.
+"""
 
 from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import is_dataclass
@@ -16,7 +18,8 @@ class _Array:
 def take_apart(value: Any, arrays: list[Array]) -> Hashable:
     """The structure of a value, whose arrays are appended to a list.
 
-    What is neither an array nor a container of some is a part of the structure, and must be hashable.
+    What is neither an array nor a container of some is a part of the structure, and must be
+    hashable.
     """
     kind = type(value)
     if dr.is_array_v(kind):

@@ -1,4 +1,6 @@
-"""What edges add to a band's pixels, kept for the derivatives of those: in forward and in reverse mode."""
+"""What edges add to a band's pixels, kept for the derivatives of those: in forward and in reverse
+mode.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields, replace
@@ -48,17 +50,27 @@ class MovingPoints:
 
 @dataclass
 class Correction:
-    """What makes a band's pixels those of its regular samples and edges, and not of the samples alone."""
+    """What makes a band's pixels those of its regular samples and edges, and not of the samples
+    alone.
+    """
 
     band: Band
-    weights: Array | None = None  # what the band's regular samples still count for, row by row of samples
+    weights: Array | None = (
+        None  # what the band's regular samples still count for, row by row of samples
+    )
     extra: list[Extra] = field(default_factory=list)
     edges: list[MovingPoints] = field(default_factory=list)
 
     def by_weight(self, wrt: Parameters) -> tuple[Parameters, Parameters]:
-        """The parameters `wrt`, and apart those weights so small that edges in what they show are not found."""
+        """The parameters `wrt`, and apart those weights so small that edges in what they show are
+        not found.
+        """
         least = settings.LEAST_WEIGHT / self.band.side**2
-        small = {name for name, value in wrt.items() if name.endswith(WEIGHTS) and abs(value.numpy()[0]) < least}
+        small = {
+            name
+            for name, value in wrt.items()
+            if name.endswith(WEIGHTS) and abs(value.numpy()[0]) < least
+        }
         return (
             {name: value for name, value in wrt.items() if name not in small},
             {name: wrt[name] for name in wrt if name in small},
@@ -88,10 +100,14 @@ class Correction:
             yield extra, self._without_dim_rays(extra.beside & dim), found
 
     def _without_dim_rays(self, which: np.ndarray) -> Inputs:
-        """A kernel's inputs, for samples of which some, that count for a part of a pixel, have no rays of little weight."""
+        """A kernel's inputs, for samples of which some, that count for a part of a pixel, have no
+        rays of little weight.
+        """
         *inputs, limits = self.band.inputs
         (least,) = limits.importance.numpy() if limits.importance is not None else (0.0,)
-        importance = np.where(which, max(least, settings.LEAST_WEIGHT_BESIDE / self.band.side**2), least)
+        importance = np.where(
+            which, max(least, settings.LEAST_WEIGHT_BESIDE / self.band.side**2), least
+        )
         return *inputs, replace(limits, importance=self.band.lanes(importance)[0])  # type: ignore[return-value]
 
     def tangent(self, wrt: Parameters, tangents: Parameters, terms: str) -> Array:
@@ -104,14 +120,23 @@ class Correction:
                 slopes = {name: tangents[name] for name in first[-1]}
                 image += film_kernels.image_jvp(*first, slopes, weights).numpy()
             for extra, inputs, found in self.extras(wrt):
-                slopes, place = {name: tangents[name] for name in found}, band.lanes(extra.x, extra.y)
+                slopes, place = (
+                    {name: tangents[name] for name in found},
+                    band.lanes(extra.x, extra.y),
+                )
                 slope = to_numpy(points.samples_jvp(*inputs, found, slopes, *place))
                 deposit(image, extra.pixel, *(stacked(slope, slice(len(extra.x))) * extra.weight))
         if terms != "interior":
             for edges in self.edges:
                 place, edge = band.lanes(edges.x, edges.y), _edge(edges.edge)
-                slope = kernels.levels_jvp(*band.inputs, wrt, tangents, *place, edge).numpy()[: len(edges.x)]
-                deposit(image, edges.pixel, *(edges.change * (channel * slope) for channel in edges.jump))
+                slope = kernels.levels_jvp(*band.inputs, wrt, tangents, *place, edge).numpy()[
+                    : len(edges.x)
+                ]
+                deposit(
+                    image,
+                    edges.pixel,
+                    *(edges.change * (channel * slope) for channel in edges.jump),
+                )
         return pixels
 
     def adjoint(self, wrt: Parameters, image: Array, terms: str) -> Parameters:
@@ -125,17 +150,22 @@ class Correction:
         parts = [call() for call in calls]
         zero = {name: dr.zeros(type(value)) for name, value in wrt.items()}
         return {
-            name: sum((part[name] for part in parts if name in part), start=zero[name]) for name in wrt
+            name: sum((part[name] for part in parts if name in part), start=zero[name])
+            for name in wrt
         }
 
-    def _interior_adjoints(self, wrt: Parameters, image: Array) -> Iterator[Callable[[], Parameters]]:
+    def _interior_adjoints(
+        self, wrt: Parameters, image: Array
+    ) -> Iterator[Callable[[], Parameters]]:
         for first, weights in self.regular(wrt):
             yield partial(film_kernels.image_vjp, *first, image, weights)
         for extra, inputs, found in self.extras(wrt):
             lanes = self.band.lanes(_unsigned(extra.pixel), extra.weight, extra.x, extra.y)
             yield partial(points.samples_vjp, *inputs, found, image, *lanes)
 
-    def _boundary_adjoints(self, wrt: Parameters, image: Array) -> Iterator[Callable[[], Parameters]]:
+    def _boundary_adjoints(
+        self, wrt: Parameters, image: Array
+    ) -> Iterator[Callable[[], Parameters]]:
         band = self.band
         for edges in self.edges:
             changed = ad.Array2u(*band.lanes(*_unsigned(edges.pixel)))
@@ -152,11 +182,15 @@ class Found:
     band: Band
     refined: np.ndarray  # the pixels that are sampled anew, in order
     fine: list[Samples]
-    crossed: list[tuple[Pairs, Crossings, Numbers]]  # by chunks of pairs, with the fields of their edges
+    crossed: list[
+        tuple[Pairs, Crossings, Numbers]
+    ]  # by chunks of pairs, with the fields of their edges
 
     @cached_property
     def correction(self) -> Correction:
-        """Made for the first derivative, while kernels of what comes after the image may be running."""
+        """Made for the first derivative, while kernels of what comes after the image may be
+        running.
+        """
         band, result = self.band, Correction(self.band)
         # What edges take away from samples, all of which are numbered
         shape = (band.rows + 2) * band.side, (band.resolution[0] + 2) * band.side
@@ -188,20 +222,24 @@ class Found:
         """The samples beside edges; what they take away from other samples is added to `taken`."""
         lines, pair, part = intervals_beside(found, pairs, marked)
         deposit(taken, pairs.sample.take(pair, 1), part)
-        # Derivatives may change much between edges close to each other, as seen in curved mirrors; and at creases that
-        # are singular, from which a surface runs off into the distance
+        # Derivatives may change much between edges close to each other, as seen in curved mirrors;
+        # and at creases that are singular, from which a surface runs off into the distance
         most, close = min(self.band.side, settings.PIECES), np.bincount(found.pair) > 1
         close[found.pair[edge["kind"] == Kind.CREASE]] = True
         pieces = np.where(close.take(pair), most, 1)
         extra = []
         for count in {1, most}:
             which = np.flatnonzero(pieces == count)
-            pixel, order = (column.take(pair.take(which), 1) for column in (pairs.pixel, pairs.order))
+            pixel, order = (
+                column.take(pair.take(which), 1) for column in (pairs.pixel, pairs.order)
+            )
             extra.append(samples_beside(rows_of(lines, which), count, pixel, order))
         return extra
 
     def _weights(self, taken: np.ndarray) -> Array:
-        """What the band's regular samples, of which edges take something away, count for, row by row of samples."""
+        """What the band's regular samples, of which edges take something away, count for, row by
+        row of samples.
+        """
         side, columns = self.band.side, self.band.resolution[0]
         inner = taken[side:-side, side:-side]
         weights: Array = dr.empty(self.band.structure.precision.real, inner.size)
@@ -219,12 +257,15 @@ def _unsigned(pixel: np.ndarray) -> np.ndarray:
 
 def numbers_of(edge: Edge, which: np.ndarray) -> Numbers:
     """Some of the edges, whose arrays are NumPy's, by the fields of their paths and events."""
-    return {name: value[which] for part in (edge.path, edge.event) for name, value in vars(part).items()}
+    return {
+        name: value[which] for part in (edge.path, edge.event) for name, value in vars(part).items()
+    }
 
 
 def _edge(numbers: Numbers) -> Edge:
     """The Dr.Jit arrays of `numbers_of`."""
     path, event = (
-        kind(**{part.name: to_lanes(numbers[part.name]) for part in fields(kind)}) for kind in (Path, Event)
+        kind(**{part.name: to_lanes(numbers[part.name]) for part in fields(kind)})
+        for kind in (Path, Event)
     )
     return Edge(path, event)

@@ -1,4 +1,5 @@
-"""The events that make an edge, each with a level function that is zero on the edge and smooth across it.
+"""The events that make an edge, each with a level function that is zero on the edge and smooth
+across it.
 
 | event | level function, of the ray that arrives at the node |
 |---|---|
@@ -53,10 +54,14 @@ class Event:
             setattr(self, name, dr.select(where, value, getattr(self, name)))
 
     def hit(self, scene: Scene, ray: Ray) -> Hit:
-        """Where a ray meets the primitive of the event, or would meet it if it did not just miss it."""
+        """Where a ray meets the primitive of the event, or would meet it if it did not just miss
+        it.
+        """
         shape = pick(scene.sets, self.on, scene.background)
         on = ray.source == self.on
-        return Hit(dr.detach(shape.of(lambda x: x.reach(ray, on, self.inside))), self.on, self.inside)
+        return Hit(
+            dr.detach(shape.of(lambda x: x.reach(ray, on, self.inside))), self.on, self.inside
+        )
 
 
 def _meets(scene: Scene, ray: Ray, index: Array) -> Array:
@@ -77,7 +82,8 @@ def classify(scene: Scene, a: Node, b: Node, limits: Limits) -> Event:
     uint, real = type(here.index), type(a.weight)
     event = Event(uint(Kind.NOTHING), here.index, here.inside, uint(NONE), uint(0), real(0))
 
-    # What comes last overrides what comes before: from the faintest event of a node to the strongest
+    # What comes last overrides what comes before: from the faintest event of a node to the
+    # strongest
     for k, (x, y) in enumerate(zip(here.children, there.children, strict=True)):
         event.set(x != y, Kind.TOO_FAINT, other=uint(k))
     for x, y in zip(here.total, there.total, strict=True):
@@ -92,13 +98,17 @@ def classify(scene: Scene, a: Node, b: Node, limits: Limits) -> Event:
     return event
 
 
-def _classify_hit(scene: Scene, event: Event, a: Ray, b: Ray, here: Decisions, there: Decisions) -> None:
+def _classify_hit(
+    scene: Scene, event: Event, a: Ray, b: Ray, here: Decisions, there: Decisions
+) -> None:
     """One surface ends where it hides the other or is hidden by it; where both go on, they cross."""
     changes = (here.index != there.index) | (here.inside != there.inside)
     stays, hidden = _meets(scene, b, here.index), _meets(scene, a, there.index)
     ends = dr.select(stays | (here.index == NONE), there.index, here.index)
     event.set(changes, Kind.OUTLINE, other=ends)
-    event.set(changes & stays & hidden & (here.index != there.index), Kind.CREASE, other=there.index)
+    event.set(
+        changes & stays & hidden & (here.index != there.index), Kind.CREASE, other=there.index
+    )
 
 
 def _classify_light(
@@ -123,8 +133,8 @@ def level_function(scene: Scene, node: Node, event: Event, limits: Limits) -> tu
     """The level function of an event at a node.
 
     Returns:
-        The level function, and what of it is still to be multiplied with the node's weight and added: the weight of
-        the child that is too faint.
+        The level function, and what of it is still to be multiplied with the node's weight and
+        added: the weight of the child that is too faint.
     """
     ray, real = node.ray, type(node.weight)
     other = pick(scene.sets, event.other, scene.background)
@@ -153,7 +163,9 @@ def level_function(scene: Scene, node: Node, event: Event, limits: Limits) -> tu
 
 
 def board_place(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array, Array]:
-    """Column and row of an event's checkerboard where a ray meets it, and its distance, all in cells; 0 without one."""
+    """Column and row of an event's checkerboard where a ray meets it, and its distance, all in
+    cells; 0 without one.
+    """
     hit = event.hit(scene, ray)
     at = surface(scene, ray, hit)
     column = row = away = type(hit.t)(0)
@@ -166,7 +178,9 @@ def board_place(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array, Arr
 
 
 def crease_cosines(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array]:
-    """Cosines of the angles at which a ray meets the two surfaces of a crease, `on` and `other`; infinite elsewhere."""
+    """Cosines of the angles at which a ray meets the two surfaces of a crease, `on` and `other`;
+    infinite elsewhere.
+    """
     p = ray.o + event.hit(scene, ray).t * ray.d
 
     def cosine(index: Array) -> Array:

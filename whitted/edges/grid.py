@@ -1,7 +1,7 @@
 """Samples on grids, and which neighbours have an edge in between.
 
-All in NumPy, on the few samples that are concerned, and in an order that does not depend on threads. A band's pixels
-are numbered row by row; image positions and lengths are in pixels.
+All in NumPy, on the few samples that are concerned, and in an order that does not depend on
+threads. A band's pixels are numbered row by row; image positions and lengths are in pixels.
 """
 
 from dataclasses import dataclass
@@ -11,20 +11,24 @@ import numpy as np
 
 from .labels import labels_differ
 
-# In place of a pixel's number: the sample is outside of what its grid stands for; and the grid to the left or above has
-# the same sample and does what there is to do with it
+# In place of a pixel's number: the sample is outside of what its grid stands for; and the grid to
+# the left or above has the same sample and does what there is to do with it
 OUTSIDE, DONE_BY_OTHER = -1, -2
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples on one or more grids of the same shape; what is not in that shape has one row for each sample."""
+    """Samples on one or more grids of the same shape; what is not in that shape has one row for
+    each sample.
+    """
 
     labels: np.ndarray  # (grids, rows, columns)
     x: np.ndarray  # image position
     y: np.ndarray
     pixel: np.ndarray  # the pixel that a sample counts for, OUTSIDE or DONE_BY_OTHER
-    twin: np.ndarray | None  # the place of the sample at the same position that counts for a pixel, where there are such
+    twin: (
+        np.ndarray | None
+    )  # the place of the sample at the same position that counts for a pixel, where there are such
     side: int  # samples along a pixel's side
     first: int  # number of the first sample
     top: int  # to be added to y
@@ -53,11 +57,12 @@ def _band_grid(shape: tuple[int, int], side: int) -> tuple[np.ndarray, np.ndarra
 def fine_samples(
     pixels: np.ndarray, side: int, columns: int, first_row: int
 ) -> tuple[Samples, np.ndarray]:
-    """side * side samples in each of a band's pixels, which are in order, and a ring of samples around it.
+    """side * side samples in each of a band's pixels, which are in order, and a ring of samples
+    around it.
 
     Returns:
-        The samples without their labels, and the places of those to be traced. In a ring, corners have no use, and what
-        lies in another one of the pixels is traced there.
+        The samples without their labels, and the places of those to be traced. In a ring, corners
+        have no use, and what lies in another one of the pixels is traced there.
     """
     column, row = pixels % columns, pixels // columns
     grid, x, y, corners, inside = _ring(side)
@@ -87,8 +92,8 @@ def _ring(side: int) -> tuple[np.ndarray, ...]:
     """A grid of side * side places and a ring around them.
 
     Returns:
-        The places, in rows; the column and the row of each one's center, from the first inside; the places of the
-        corners; and whether each place is inside.
+        The places, in rows; the column and the row of each one's center, from the first inside; the
+        places of the corners; and whether each place is inside.
     """
     ring = np.arange(-1, side + 1)
     grid = np.arange(ring.size**2).reshape(ring.size, ring.size)
@@ -103,7 +108,8 @@ def neighbours_across_edges(samples: Samples) -> tuple[np.ndarray, np.ndarray, n
     """Neighbours whose labels differ.
 
     Returns:
-        The places of the neighbours a and b, and (2, N) their pixels, of which at least one is a pixel.
+        The places of the neighbours a and b, and (2, N) their pixels, of which at least one is a
+        pixel.
     """
     labels, columns = samples.labels.ravel(), samples.labels.shape[2]
     places = [(np.flatnonzero(labels[step:] != labels[:-step]), step) for step in (1, columns)]
@@ -145,6 +151,8 @@ def _distinct(labels: np.ndarray) -> np.ndarray:
 
 @lru_cache
 def _window(side: int, stride: int) -> np.ndarray:
-    """Places of a pixel's samples and its neighbours' nearest, from its first sample, in rows of `stride` samples."""
+    """Places of a pixel's samples and its neighbours' nearest, from its first sample, in rows of
+    `stride` samples.
+    """
     across, inner = np.meshgrid(np.arange(-1, side + 1), np.arange(side))
     return np.unique(np.concatenate([inner * stride + across, across * stride + inner]))

@@ -1,11 +1,12 @@
 """The discrete decisions at a node of the tree of rays, whose flips are the edges of the image.
 
-A sample's label is a hash of the decisions at all nodes of its tree that weigh enough. The radiance of samples with one
-label is one smooth function of the image position and the parameters; neighbours with different labels have an edge in
-between.
+A sample's label is a hash of the decisions at all nodes of its tree that weigh enough. The radiance
+of samples with one label is one smooth function of the image position and the parameters;
+neighbours with different labels have an edge in between.
 
-Where weights change with the angle (Fresnel), a node may come to weigh enough between two neighbours without an edge.
-Labels then have two halves, of nodes above one weight and above another: where an edge is, both differ.
+Where weights change with the angle (Fresnel), a node may come to weigh enough between two
+neighbours without an edge. Labels then have two halves, of nodes above one weight and above
+another: where an edge is, both differ.
 """
 
 from collections.abc import Sequence
@@ -37,9 +38,13 @@ class Decisions:
     inside: Array  # Bool: from within
     cell: tuple[Array, ...]  # Int: column and row of the checkerboard; empty in a scene without one
     lights: tuple[Array, ...]  # Bool for each light: something keeps it away
-    veils: tuple[Array, ...]  # UInt32 for each light: a hash of what dims it; empty where all shadows are full
+    veils: tuple[
+        Array, ...
+    ]  # UInt32 for each light: a hash of what dims it; empty where all shadows are full
     children: tuple[Array, ...]  # Bool for each child: it is traced
-    total: tuple[Array, ...]  # Bool: internal reflection is total; empty in a scene without glass or polish
+    total: tuple[
+        Array, ...
+    ]  # Bool: internal reflection is total; empty in a scene without glass or polish
 
     @property
     def flags(self) -> tuple[Array, ...]:
@@ -79,7 +84,10 @@ def _cell(scene: Scene, at: Surface) -> tuple[Array, ...]:
     column = row = dr.int32_array_t(at.hit.t)(0)
     for material in boards:
         here, cell = at.of[material.name], material.checker.cell(at.p, at.n)
-        column, row = (dr.select(here, type(old)(new), old) for old, new in zip((column, row), cell, strict=True))
+        column, row = (
+            dr.select(here, type(old)(new), old)
+            for old, new in zip((column, row), cell, strict=True)
+        )
     return (column, row) if boards else ()
 
 
@@ -93,7 +101,9 @@ def _shows_light(scene: Scene, at: Surface) -> Array:
 
 
 def _is_dark(scene: Scene, ray: Ray, at: Surface, light: Incident) -> Array:
-    """Whether something keeps a light away: a shadow, or the terminator where a highlight ends there."""
+    """Whether something keeps a light away: a shadow, or the terminator where a highlight ends
+    there.
+    """
     faces = at.hits & (light.cosine > 0)
     dark = _shows_light(scene, at) & faces & light.dark
     if glossy(scene):
@@ -149,7 +159,9 @@ def labelled_radiance(scene: Scene, ray: Ray, limits: Limits) -> tuple[Array, Ar
 
 
 def _mix(label: Array, decisions: Decisions) -> Array:
-    """A label with the decisions of one more node hashed in (the steps are MurmurHash3's, A. Appleby 2011)."""
+    """A label with the decisions of one more node hashed in (the steps are MurmurHash3's, A.
+    Appleby 2011).
+    """
     flags = decisions.flags
     words = [decisions.index, *(type(label)(cell) for cell in decisions.cell), *decisions.veils]
     for first in range(0, len(flags), 32):

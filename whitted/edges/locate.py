@@ -1,4 +1,6 @@
-"""Where an edge crosses the segment between two neighbouring samples, and what of it each sample's cell has."""
+"""Where an edge crosses the segment between two neighbouring samples, and what of it each sample's
+cell has.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -52,12 +54,16 @@ class Segment:
 
     def at(self, along: Array) -> tuple[Array, Array]:
         """The image position at a distance from a."""
-        return self.x + dr.select(self.vertical, 0, along), self.y + dr.select(self.vertical, along, 0)
+        return self.x + dr.select(self.vertical, 0, along), self.y + dr.select(
+            self.vertical, along, 0
+        )
 
 
 @dataclass
 class Crossing:
-    """An edge between a and b. What it moves from one sample's cell to the other's is a multiple of its jump."""
+    """An edge between a and b. What it moves from one sample's cell to the other's is a multiple of
+    its jump.
+    """
 
     found: Array  # Bool
     along: Array  # distance from a
@@ -96,7 +102,8 @@ class _Slopes:
     along: Array  # its slope along the segment, per pixel
     across: Array  # and across it
     counts: Array  # how much of the edge's motion counts
-    # Cosines at which the surfaces of a crease are met, in units of how far the ray turns from one sample to the next
+    # Cosines at which the surfaces of a crease are met, in units of how far the ray turns from one
+    # sample to the next
     cosines: tuple[Array, Array]
 
 
@@ -127,8 +134,12 @@ def cross(shot: Shot, segment: Segment) -> Crossing:
         jump=dr.select(found, color[0] - color[1], 0),
         label_before=label[0],
         label_behind=label[1],
-        more_before=valid & labels_differ(label[0], segment.label_start) & (along - segment.start > 2 * gap),
-        more_behind=valid & labels_differ(label[1], segment.label_stop) & (segment.stop - along > 2 * gap),
+        more_before=valid
+        & labels_differ(label[0], segment.label_start)
+        & (along - segment.start > 2 * gap),
+        more_behind=valid
+        & labels_differ(label[1], segment.label_stop)
+        & (segment.stop - along > 2 * gap),
         gap=gap,
         edge=edge,
     )
@@ -137,9 +148,11 @@ def cross(shot: Shot, segment: Segment) -> Crossing:
 def _areas(
     segment: Segment, along: Array, slopes: _Slopes, valid: Array
 ) -> tuple[Array, tuple[Array, Array], tuple[Array, Array]]:
-    """The share of the edge, and the areas that it moves between the cells of a and b, now and as its level grows.
+    """The share of the edge, and the areas that it moves between the cells of a and b, now and as
+    its level grows.
 
-    The segment's line stands for a strip as wide as the segment is long, in which the edge is straight.
+    The segment's line stands for a strip as wide as the segment is long, in which the edge is
+    straight.
     """
     slope, across, length = slopes.along, slopes.across, segment.length
     # Scaled, as fourth powers leave the range of single precision
@@ -160,7 +173,9 @@ def _areas(
 def _both_sides(
     shot: Shot, segment: Segment, along: Array, gap: Array, path: Path, valid: Array
 ) -> tuple[tuple, tuple]:
-    """Radiance and labels right before an edge at a path's node and right behind it, if it is valid."""
+    """Radiance and labels right before an edge at a path's node and right behind it, if it is
+    valid.
+    """
 
     def look(k, colors, labels):
         ray = shot.ray(segment, along + dr.select(k == 0, -gap, gap))
@@ -173,7 +188,9 @@ def _both_sides(
     color: Any = dr.zeros(type(shot.scene.background), width)
     label: Any = dr.zeros(type(segment.label_start), width)
     state: Any = dr.zeros(ad.Int, width), (color, color + 0), (label, label + 0)
-    return dr.while_loop(state, lambda k, *_: valid & (k < 2), look, mode="symbolic", label="sides")[1:]
+    return dr.while_loop(
+        state, lambda k, *_: valid & (k < 2), look, mode="symbolic", label="sides"
+    )[1:]
 
 
 def _locate(shot: Shot, segment: Segment) -> tuple[Array, Edge, Array]:
@@ -201,7 +218,9 @@ def _locate(shot: Shot, segment: Segment) -> tuple[Array, Edge, Array]:
     largest = dr.fmax(dr.abs(ends[0]), dr.abs(ends[1]))
     rounded = ends[0] * ends[1] > 0
     ends = [dr.select(rounded & (dr.abs(end) < ON_SAMPLE * largest), 0, end) for end in ends]
-    crosses = (flip.weight > 0) & (event.kind != Kind.NOTHING) & (ends[0] * ends[1] <= 0) & (largest > 0)
+    crosses = (
+        (flip.weight > 0) & (event.kind != Kind.NOTHING) & (ends[0] * ends[1] <= 0) & (largest > 0)
+    )
 
     def level_at(along: Array) -> Array:
         return value(follow(scene, shot.ray(segment, along), path, limits))
@@ -212,8 +231,12 @@ def _locate(shot: Shot, segment: Segment) -> tuple[Array, Edge, Array]:
     return along, Edge(path, event), dr.fmax(dr.abs(a.weight), dr.abs(b.weight))
 
 
-def _halve(shot: Shot, segment: Segment, path: Path, a: Node, b: Node) -> tuple[Array, Array, Node, Node]:
-    """The half of a segment that has the first flip of the node's decisions, and the nodes at its ends."""
+def _halve(
+    shot: Shot, segment: Segment, path: Path, a: Node, b: Node
+) -> tuple[Array, Array, Node, Node]:
+    """The half of a segment that has the first flip of the node's decisions, and the nodes at its
+    ends.
+    """
 
     def decided(node: Node) -> Any:
         return decide(shot.scene, visit(shot.scene, node, shot.limits))
@@ -236,16 +259,22 @@ def _slopes(shot: Shot, segment: Segment, along: Array, edge: Edge) -> _Slopes:
         dr.set_grad(at[axis], 1)
         push_forward(at[axis])
         directions.append((dr.grad(ray.o), dr.grad(ray.d)))
-    (right, down), arriving = level_jvp(shot.scene, {}, dr.detach(ray), directions, shot.limits, edge)
+    (right, down), arriving = level_jvp(
+        shot.scene, {}, dr.detach(ray), directions, shot.limits, edge
+    )
     vertical, length = segment.vertical, segment.length
     turn = dr.norm(dr.select(vertical, down.turn, right.turn)) * length
     on, other = crease_cosines(shot.scene, arriving, edge.event)
     counts = type(along)(1)
     if checkered(shot.scene):
-        cells = [dr.abs(slope) * length for slope in (right.column, right.row, down.column, down.row)]
+        cells = [
+            dr.abs(slope) * length for slope in (right.column, right.row, down.column, down.row)
+        ]
         most = dr.fmax(dr.fmax(*cells[:2]), dr.fmax(*cells[2:]))
         away = board_place(shot.scene, arriving, edge.event)[2]
-        small = smooth_step(FULL_MOTION_CELLS, CELLS, most) * smooth_step(FAR_CELLS / 2, FAR_CELLS, away)
+        small = smooth_step(FULL_MOTION_CELLS, CELLS, most) * smooth_step(
+            FAR_CELLS / 2, FAR_CELLS, away
+        )
         counts = dr.select(edge.event.kind == Kind.CELL, 1 - small, 1)
     return _Slopes(
         along=dr.select(vertical, down.level, right.level),
@@ -258,7 +287,9 @@ def _slopes(shot: Shot, segment: Segment, along: Array, edge: Edge) -> _Slopes:
 def _root(
     function: Callable[[Array], Array], a: Array, b: Array, at_a: Array, at_b: Array, active: Array
 ) -> Array:
-    """The root of a function between a and b, if active, by the Pegasus method (M. Dowell, P. Jarratt, BIT 12, 1972)."""
+    """The root of a function between a and b, if active, by the Pegasus method (M. Dowell, P.
+    Jarratt, BIT 12, 1972).
+    """
     near = (b - a) * ROOT_TOLERANCE[precision_of(a).name]
 
     def step(i, a, b, at_a, at_b, active):

@@ -1,4 +1,6 @@
-"""How edges move: derivatives of level functions, along the chain of rays that leads to the event's node."""
+"""How edges move: derivatives of level functions, along the chain of rays that leads to the event's
+node.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -38,12 +40,19 @@ class Slope:
 
 
 def level_jvp(
-    scene: Scene, tangents: Parameters, ray: Ray, slopes: Sequence[tuple], limits: Limits, edge: Edge
+    scene: Scene,
+    tangents: Parameters,
+    ray: Ray,
+    slopes: Sequence[tuple],
+    limits: Limits,
+    edge: Edge,
 ) -> tuple[list[Slope], Ray]:
-    """The derivatives of the level function of an event at the end of a chain, in several directions (forward mode).
+    """The derivatives of the level function of an event at the end of a chain, in several
+    directions (forward mode).
 
     Args:
-        slopes: for each direction, tangents of the rays' origins and directions; others are as for `radiance_jvp`.
+        slopes: for each direction, tangents of the rays' origins and directions; others are as for
+            `radiance_jvp`.
 
     Returns:
         The derivatives in each direction, and the ray that arrives.
@@ -62,7 +71,11 @@ def level_jvp(
             child = seen.child(branch)
             push_forward(inputs)
             following.append(Tangent.of(child))
-        return dr.detach(child), following, dr.detach(branch.active) & (node.depth < edge.path.bounces)
+        return (
+            dr.detach(child),
+            following,
+            dr.detach(branch.active) & (node.depth < edge.path.bounces),
+        )
 
     if reflects(scene):
         state = dr.while_loop(state, lambda *s: s[-1], bounce, mode="symbolic", label="level_jvp")
@@ -79,9 +92,17 @@ def level_jvp(
 
 
 def level_vjp(
-    scene: Scene, sums: Parameters, wide: Parameters, ray: Ray, seed: Array, limits: Limits, edge: Edge
+    scene: Scene,
+    sums: Parameters,
+    wide: Parameters,
+    ray: Ray,
+    seed: Array,
+    limits: Limits,
+    edge: Edge,
 ) -> tuple[dict[str, Array], Array, Array]:
-    """The derivatives of seed * (level function of an event at the end of a chain), like `radiance_vjp`."""
+    """The derivatives of seed * (level function of an event at the end of a chain), like
+    `radiance_vjp`.
+    """
     return walk_back(_Chain(scene, wide, seed, limits, None, edge), sums, ray)
 
 
@@ -92,10 +113,14 @@ class _Chain(Tree):
     edge: Edge
 
     def arrive(self, place, stack, sums):
-        """Trace a ray: go on with the child that the path takes, and at its end differentiate the level function."""
+        """Trace a ray: go on with the child that the path takes, and at its end differentiate the
+        level function.
+        """
         if not reflects(self.scene):
             return self.end(place, stack, sums)
-        return dr.if_stmt((place, stack, sums), stack.size < self.edge.path.bounces, self.onward, self.end)
+        return dr.if_stmt(
+            (place, stack, sums), stack.size < self.edge.path.bounces, self.onward, self.end
+        )
 
     def onward(self, place, stack, sums):
         node = place.node
@@ -103,7 +128,9 @@ class _Chain(Tree):
         hit = seen.at.hit
         branch, first = self.edge.path.onward(seen)
         link = Link.of(hit.index, hit.inside, node.depth).marked(FIRST, first)
-        waiting = Waiting(Node(node.o, node.d, node.weight, link), Adjoint.zero(node, dr.width(node)), hit.t)
+        waiting = Waiting(
+            Node(node.o, node.d, node.weight, link), Adjoint.zero(node, dr.width(node)), hit.t
+        )
         stack = stack.push(branch.active, waiting)
         return Place(seen.child(branch), place.back, place.moves), stack, sums, branch.active
 

@@ -20,7 +20,9 @@ class Pairs:
     sample: np.ndarray  # (2, N): numbers of a and b
     label: np.ndarray  # (2, N)
     order: np.ndarray  # (2, N), of `walk_order`
-    pixel: np.ndarray  # (2, N): the pixels that a and b belong to, below 0 where those are not to be corrected
+    pixel: (
+        np.ndarray
+    )  # (2, N): the pixels that a and b belong to, below 0 where those are not to be corrected
 
     def __len__(self) -> int:
         return len(self.x)
@@ -46,9 +48,13 @@ class Crossings:
     pair: np.ndarray  # the pair's number
     along: np.ndarray  # distance from a
     jump: np.ndarray  # (3, N): radiance before the edge less that behind it
-    change: np.ndarray  # (2, N): how much more of it the cells of a and of b have as the level function grows
+    change: (
+        np.ndarray
+    )  # (2, N): how much more of it the cells of a and of b have as the level function grows
     weight: np.ndarray  # the share of the edge that pairs of this direction account for
-    singular: np.ndarray  # bool: radiance near the edge changes like the square root of the distance, or faster
+    singular: (
+        np.ndarray
+    )  # bool: radiance near the edge changes like the square root of the distance, or faster
     behind: np.ndarray  # bool: it does so behind the edge, not before it
 
     def __len__(self) -> int:
@@ -74,12 +80,16 @@ def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray) -
 
 
 def walk_order(labels: np.ndarray) -> np.ndarray:
-    """An order in which equal trees of rays come together. Sixteen bits, which NumPy sorts in linear time."""
+    """An order in which equal trees of rays come together. Sixteen bits, which NumPy sorts in
+    linear time.
+    """
     return labels.astype(np.uint16)
 
 
 def interleaved(order: np.ndarray) -> np.ndarray:
-    """Lanes of which neighbours do like work, with packets dealt out in turn: threads get equal shares of all work."""
+    """Lanes of which neighbours do like work, with packets dealt out in turn: threads get equal
+    shares of all work.
+    """
     whole = len(order) // (SHARES * PACKET) * SHARES * PACKET
     dealt = order[:whole].reshape(-1, SHARES, PACKET).swapaxes(0, 1).ravel()
     return np.concatenate([dealt, order[whole:]])

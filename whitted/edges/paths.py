@@ -1,7 +1,8 @@
 """One chain of rays in the tree: the way from the camera to the node where an edge has its cause.
 
-An edge of the image is one decision, at one node, that flips. The node is reached by one chain of reflections and
-refractions, so that finding the edge and its motion costs a chain, and not the tree.
+An edge of the image is one decision, at one node, that flips. The node is reached by one chain of
+reflections and refractions, so that finding the edge and its motion costs a chain, and not the
+tree.
 """
 
 from dataclasses import dataclass
@@ -25,8 +26,8 @@ from .labels import (
     with_node,
 )
 
-# Bounces whose choice between reflection and refraction a path remembers; beyond, where a node has both children, it
-# goes on with the reflected one
+# Bounces whose choice between reflection and refraction a path remembers; beyond, where a node has
+# both children, it goes on with the reflected one
 REMEMBERED = 64
 
 
@@ -42,7 +43,9 @@ class Path:
         return ((self.turns >> type(self.turns)(bounce)) & 1) != 0
 
     def onward(self, seen: Visit) -> tuple[Branch, Array]:
-        """The child that the path goes on with, and whether it is the first: the only active one, or as it turns."""
+        """The child that the path goes on with, and whether it is the first: the only active one,
+        or as it turns.
+        """
         if len(seen.branches) == 1:
             return seen.branches[0], type(seen.branches[0].active)(True)
         a, b = seen.branches
@@ -68,10 +71,11 @@ def follow(scene: Scene, ray: Ray, path: Path, limits: Limits) -> Node:
 
 
 def contrasted(scene: Scene, ray: Ray, path: Path, limits: Limits) -> tuple[Array, Array]:
-    """Radiance along rays, as far as it may change where the decisions of a path's node flip, and labels.
+    """Radiance along rays, as far as it may change where the decisions of a path's node flip, and
+    labels.
 
-    What is too faint for an edge is left out unless the light of that node is in it: on both sides of the edge it is
-    the same.
+    What is too faint for an edge is left out unless the light of that node is in it: on both sides
+    of the edge it is the same.
     """
     if not reflects(scene):
         return labelled_radiance(scene, ray, limits)
@@ -103,7 +107,9 @@ def contrasted(scene: Scene, ray: Ray, path: Path, limits: Limits) -> tuple[Arra
 
 @dataclass
 class Pair:
-    """Two nodes that two rays reach in the same way (not frozen: Dr.Jit's loops write to their state)."""
+    """Two nodes that two rays reach in the same way (not frozen: Dr.Jit's loops write to their
+    state).
+    """
 
     a: Node
     o: Array  # of the other node, whose link is the same
@@ -121,7 +127,9 @@ class Pair:
 
     @property
     def weight(self) -> Array:
-        """The larger one of two weights: between a silhouette and a sample it may be that of the one or the other."""
+        """The larger one of two weights: between a silhouette and a sample it may be that of the
+        one or the other.
+        """
         return dr.fmax(dr.abs(self.a.weight), dr.abs(self.other_weight))
 
     @property
@@ -130,7 +138,8 @@ class Pair:
 
 
 def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> Pair:
-    """Walk the trees of two rays at once for the node of the largest weight at which they decide differently.
+    """Walk the trees of two rays at once for the node of the largest weight at which they decide
+    differently.
 
     Returns:
         The two rays that arrive at the node; their weight is 0 where there is no such node.
@@ -141,9 +150,12 @@ def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> Pair:
 
     def step(pair, best):
         left, right = visit(scene, pair.a, limits), visit(scene, pair.b, limits)
-        differ = decisions_differ(decide(scene, left), decide(scene, right)) & (pair.weight >= limits.faint)
+        differ = decisions_differ(decide(scene, left), decide(scene, right)) & (
+            pair.weight >= limits.faint
+        )
         best = dr.select(differ & (pair.weight > best.weight), pair, best)
-        # Below a node all weigh less: where that is too faint for an edge, or than the best so far, none is of use
+        # Below a node all weigh less: where that is too faint for an edge, or than the best so far,
+        # none is of use
         least = dr.fmax(limits.faint, best.weight)
         children, onward = [], []
         for turn, (x, y) in enumerate(zip(left.branches, right.branches, strict=True)):

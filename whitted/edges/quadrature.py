@@ -1,12 +1,15 @@
-"""Samples that integrate radiance between two neighbours with an edge in between, in place of the two.
+"""Samples that integrate radiance between two neighbours with an edge in between, in place of the
+two.
 
-On one side of a silhouette, where the sphere is, radiance is a + b sqrt(distance) + c distance + ..., because so is the
-normal, and its derivative a / sqrt(distance) + b + ...; the same holds where refraction ends in total reflection. There
-two of Gauss's points in sqrt(distance) integrate radiance up to the term in distance, and its derivative as far. They
-also do better than samples where a surface, met at a small angle, runs off into the distance between the two. On the
-other side there is one sample, in the middle. The border between the two neighbours' cells cuts one of the sides; the
-part between it and the edge has a sample of its own. Where several edges are between the neighbours, as where curved
-mirrors touch, what lies between two of them is small and bright, and each part is cut into pieces with as many samples.
+On one side of a silhouette, where the sphere is, radiance is a + b sqrt(distance) + c distance +
+..., because so is the normal, and its derivative a / sqrt(distance) + b + ...; the same holds where
+refraction ends in total reflection. There two of Gauss's points in sqrt(distance) integrate
+radiance up to the term in distance, and its derivative as far. They also do better than samples
+where a surface, met at a small angle, runs off into the distance between the two. On the other side
+there is one sample, in the middle. The border between the two neighbours' cells cuts one of the
+sides; the part between it and the edge has a sample of its own. Where several edges are between the
+neighbours, as where curved mirrors touch, what lies between two of them is small and bright, and
+each part is cut into pieces with as many samples.
 """
 
 from dataclasses import dataclass
@@ -20,7 +23,8 @@ from .tables import rows_of
 
 @dataclass(frozen=True)
 class Interval:
-    """The line through two neighbours a and b, or the part of it that is nearest to one of its edges; a table.
+    """The line through two neighbours a and b, or the part of it that is nearest to one of its
+    edges; a table.
 
     Distances are from a, in pixels, along the line.
     """
@@ -59,7 +63,8 @@ def intervals_beside(
         ends: those of all pairs with a singular edge (`Pairs.ends`).
 
     Returns:
-        The intervals, each one's pair, and (2, N) what they take away from the samples a and b, as parts of those.
+        The intervals, each one's pair, and (2, N) what they take away from the samples a and b, as
+        parts of those.
     """
     singular = np.zeros(len(pairs), bool)
     singular[crossings.pair[crossings.singular]] = True
@@ -71,12 +76,14 @@ def intervals_beside(
     h = here.length
     begins = np.diff(pair, prepend=-1) != 0
     last = np.roll(begins, -1)
-    # Where the pair on the other side of a sample has a singular edge as well, each takes half of the sample's cell
+    # Where the pair on the other side of a sample has a singular edge as well, each takes half of
+    # the sample's cell
     a, b = pairs.ends(pair)
     before = np.where(_is_marked(ends[1], a), 0, h / 2)
     after = np.where(_is_marked(ends[0], b), 0, h / 2)
-    # All crossings of a pair share one weight, so that its samples are taken away as a whole. Pairs along an edge take
-    # none and those across it all: a part of a sample that is close to the edge would spoil the sum
+    # All crossings of a pair share one weight, so that its samples are taken away as a whole. Pairs
+    # along an edge take none and those across it all: a part of a sample that is close to the edge
+    # would spoil the sum
     first = np.flatnonzero(begins)
     count = np.diff(first, append=len(pair))
     mean = np.add.reduceat(found.weight, first) / count
@@ -89,7 +96,9 @@ def intervals_beside(
 
 
 def _is_marked(marks: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-    """Whether each number is among the marks, all of them small (np.isin first looks for their range, which takes long)."""
+    """Whether each number is among the marks, all of them small (np.isin first looks for their
+    range, which takes long).
+    """
     table = np.zeros(1 + max(marks.max(initial=0), numbers.max(initial=0)), bool)
     table[marks] = True
     return table.take(numbers)
@@ -104,18 +113,21 @@ def samples_beside(interval: Interval, pieces: int, pixel: np.ndarray, order: np
     x, y, weight, in_b, behind = nodes(interval, pieces)
     pixel, order = np.where(in_b, *pixel[::-1]), np.where(behind, *order[::-1])
     kept = np.flatnonzero((weight > 0) & (pixel >= 0))
-    x, y, pixel, weight, order = (column.ravel().take(kept) for column in (x, y, pixel, weight, order))
+    x, y, pixel, weight, order = (
+        column.ravel().take(kept) for column in (x, y, pixel, weight, order)
+    )
     return Extra(x, y, pixel, weight, np.ones(len(x), bool), order)
 
 
 def nodes(interval: Interval, pieces: int) -> tuple[np.ndarray, ...]:
     """The samples of intervals, each of shape (4 pieces, intervals).
 
-    The first quarter lies between the edge and the cells' border, the next two beyond both on the side of the square
-    root, the last on the other.
+    The first quarter lies between the edge and the cells' border, the next two beyond both on the
+    side of the square root, the last on the other.
 
     Args:
-        pieces: into which each of the three parts is cut, those on the side of the square root at equal steps of it.
+        pieces: into which each of the three parts is cut, those on the side of the square root at
+            equal steps of it.
 
     Returns:
         Image position x, y, weight, and whether the samples are in b's cell and behind the edge.

@@ -18,7 +18,9 @@ from .tables import concatenated, deposit, rows_of
 
 
 def correct(band: Band, keep: bool) -> tuple[Array, Found | None]:
-    """A band's pixels, row-major with RGB interleaved, and, if it is to be kept, what their derivatives need."""
+    """A band's pixels, row-major with RGB interleaved, and, if it is to be kept, what their
+    derivatives need.
+    """
     return _Search(band, keep).run()
 
 
@@ -36,14 +38,18 @@ class _Search:
         grid = labels.numpy().reshape((band.rows + 2) * band.side, -1)
         self.samples = band_samples(grid, band.side, band.first_row)
         self.moves: dict[int, list[Moves]] = {}  # by the round of the search
-        self.crossed: list[tuple[Pairs, Crossings, Numbers]] = []  # what derivatives need of each chunk
+        self.crossed: list[
+            tuple[Pairs, Crossings, Numbers]
+        ] = []  # what derivatives need of each chunk
 
     def run(self) -> tuple[Array, Found | None]:
         band, samples = self.band, self.samples
         a, b, ends = neighbours_across_edges(samples)
         groups = groups_to_refine(samples, ends)
         columns, top = band.resolution[0], band.first_row
-        places = [fine_samples(pixels, side, columns, top) for pixels, side in groups if pixels.size]
+        places = [
+            fine_samples(pixels, side, columns, top) for pixels, side in groups if pixels.size
+        ]
         traced = self.trace(places)
 
         # Pixels that are sampled anew have pairs of their own
@@ -67,9 +73,14 @@ class _Search:
         """Begin to trace finer samples: their radiance and labels."""
         if not fine:
             return []
-        x, y = (np.concatenate([getattr(group, name)[places] for group, places in fine]) for name in "xy")
+        x, y = (
+            np.concatenate([getattr(group, name)[places] for group, places in fine])
+            for name in "xy"
+        )
         band, parts = self.band, chunks(len(x), settings.SAMPLES)
-        return [kernels.labelled_samples(*band.inputs, *band.lanes(x[part], y[part])) for part in parts]
+        return [
+            kernels.labelled_samples(*band.inputs, *band.lanes(x[part], y[part])) for part in parts
+        ]
 
     def refine(
         self, fine: list[tuple[Samples, np.ndarray]], traced: list[tuple[Array, Array]]
@@ -81,7 +92,11 @@ class _Search:
         labels = np.concatenate([label.numpy() for _, label in traced])
         result, number, done = [], self.samples.labels.size, 0
         for group, places in fine:
-            shape, size, part = group.labels.shape, group.labels.size, slice(done, done + len(places))
+            shape, size, part = (
+                group.labels.shape,
+                group.labels.size,
+                slice(done, done + len(places)),
+            )
             label, color = np.zeros(size, labels.dtype), np.zeros((size, 3), colors.dtype)
             label[places], color[places] = labels[part], colors[part]
             label = label.take(group.counted(np.arange(size)))
@@ -142,8 +157,16 @@ def _rounds(band: Band, pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray, 
         crossing, here, n = to_numpy(following), pair, len(pair)
 
         # What is left of the segment on either side
-        left, right = np.flatnonzero(crossing.more_before[:n]), np.flatnonzero(crossing.more_behind[:n])
-        along, gap, before, behind = crossing.along, crossing.gap, crossing.label_before, crossing.label_behind
+        left, right = (
+            np.flatnonzero(crossing.more_before[:n]),
+            np.flatnonzero(crossing.more_behind[:n]),
+        )
+        along, gap, before, behind = (
+            crossing.along,
+            crossing.gap,
+            crossing.label_before,
+            crossing.label_behind,
+        )
         starts = np.concatenate([ends[0, left], behind[right]])
         stops = np.concatenate([before[left], ends[1, right]])
         ends = np.stack([starts, stops])

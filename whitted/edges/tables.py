@@ -23,7 +23,8 @@ def concatenated(tables: Sequence[Table]) -> Table:
 
 
 def deposit(image: np.ndarray, pixel: np.ndarray, *channels: np.ndarray) -> None:
-    """Add to an image's pixels, in order, so that sums are the same to the last bit; pixels below 0 take none.
+    """Add to an image's pixels, in order, so that sums are the same to the last bit; pixels below 0
+    take none.
 
     Args:
         image: flat, its channels interleaved.

@@ -30,19 +30,25 @@ def write(path: Path, pixels: np.ndarray, metadata: Mapping[str, str | int | flo
 
 
 def _ends_with_its_last_chunk(path: Path, chunks: int) -> bool:
-    """Whether an EXR is whole, as OpenEXR is silent where the last buffer of its stream could not be written."""
+    """Whether an EXR is whole, as OpenEXR is silent where the last buffer of its stream could not
+    be written.
+    """
     with path.open("rb") as file, contextlib.suppress(ValueError):
         if not os.fstat(file.fileno()).st_size:
             return False
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            # Each attribute of the header is a name, a type, a length and as many bytes; then offsets of the chunks
+            # Each attribute of the header is a name, a type, a length and as many bytes; then
+            # offsets of the chunks
             place = 8
             while data[place : place + 1] not in (b"\0", b""):
                 value = _after_zero(data, _after_zero(data, place))
                 place = value + 4 + int.from_bytes(data[value : value + 4], "little")
             last = place + 1 + 8 * (chunks - 1)
             chunk = int.from_bytes(data[last : last + 8], "little")
-            return len(data) == chunk + 8 + int.from_bytes(data[chunk + 4 : chunk + 8], "little") and chunk > last
+            return (
+                len(data) == chunk + 8 + int.from_bytes(data[chunk + 4 : chunk + 8], "little")
+                and chunk > last
+            )
     return False
 
 

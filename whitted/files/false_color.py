@@ -1,4 +1,6 @@
-"""Pictures of values of both signs: blue below 0, white at 0, red above, with the scale printed below the picture."""
+"""Pictures of values of both signs: blue below 0, white at 0, red above, with the scale printed
+below the picture.
+"""
 
 import math
 from pathlib import Path
@@ -19,17 +21,19 @@ MARGIN, LINE, BAR, LEAST_WIDTH = 6, 15, 10, 180
 
 
 def write_diverging(path: str | Path, image: object, title: str) -> tuple[float, float]:
-    """Write the mean of an image's channels as a PNG in diverging colours, above a bar of them with its title.
+    """Write the mean of an image's channels as a PNG in diverging colours, above a bar of them with
+    its title.
 
     Args:
         path: ends in .png.
-        image: of shape (height, width, 3), a Dr.Jit tensor or what NumPy takes for an array; one pixel of it is one of
-            the PNG, black where it is not a number.
+        image: of shape (height, width, 3), a Dr.Jit tensor or what NumPy takes for an array; one
+            pixel of it is one of the PNG, black where it is not a number.
         title: is printed above the bar.
 
     Returns:
-        The scale, and the fraction of the pixels that lie beyond it or are not numbers. The colours run from -scale to
-        +scale, the 99.5th percentile of the moduli, or the largest where that is 0.
+        The scale, and the fraction of the pixels that lie beyond it or are not numbers. The colours
+        run from -scale to +scale, the 99.5th percentile of the moduli, or the largest where that is
+        0.
 
     Raises:
         ValueError: another ending, or another shape.
@@ -60,7 +64,9 @@ def _colors(values: np.ndarray, scale: float) -> np.ndarray:
     return np.where(np.isnan(t), 0, colors + 0.5).astype(np.uint8)
 
 
-def _draw(path: Path, values: np.ndarray, scale: float, title: str, numbers: tuple[str, ...], note: str) -> None:
+def _draw(
+    path: Path, values: np.ndarray, scale: float, title: str, numbers: tuple[str, ...], note: str
+) -> None:
     from PIL import Image, ImageDraw, ImageFont
 
     font = ImageFont.load_default()
@@ -80,5 +86,7 @@ def _draw(path: Path, values: np.ndarray, scale: float, title: str, numbers: tup
     texts = [(height + MARGIN, 0.5, title), (top + BAR + LINE, 0.5, note)]
     texts += [(top + BAR, at, number) for at, number in zip((0, 0.5, 1), numbers, strict=True)]
     for y, at, text in texts:
-        draw.text((MARGIN + round(at * (across - font.getlength(text))), y), text, fill="black", font=font)
+        draw.text(
+            (MARGIN + round(at * (across - font.getlength(text))), y), text, fill="black", font=font
+        )
     picture.save(path)

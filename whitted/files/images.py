@@ -1,7 +1,7 @@
 """Images as files: EXR and PNG, by the ending; knows nothing of scenes.
 
-EXR holds linear radiance as float32 R, G, B. PNG holds sRGB in 8 bits: radiance is clipped to [0, 1] first, and encoded
-by IEC 61966-2-1.
+EXR holds linear radiance as float32 R, G, B. PNG holds sRGB in 8 bits: radiance is clipped to [0,
+1] first, and encoded by IEC 61966-2-1.
 """
 
 from collections.abc import Mapping
@@ -21,7 +21,8 @@ def write_image(
 
     Args:
         path: ends in .exr or .png.
-        image: linear RGB of shape (height, width, 3), a Dr.Jit tensor or what NumPy takes for an array.
+        image: linear RGB of shape (height, width, 3), a Dr.Jit tensor or what NumPy takes for an
+            array.
         metadata: header attributes of an EXR; a PNG has none.
 
     Raises:
@@ -55,7 +56,9 @@ def read_image(path: str | Path) -> ad.TensorXf:
 
 
 def clipped(image: object) -> float:
-    """The fraction of an image's pixels that a PNG cannot hold: a channel is above 1, below 0, or not a number."""
+    """The fraction of an image's pixels that a PNG cannot hold: a channel is above 1, below 0, or
+    not a number.
+    """
     pixels = as_numpy(image)
     return float(np.mean([np.mean(~((row >= 0) & (row <= 1)).all(axis=-1)) for row in pixels]))
 
@@ -64,7 +67,9 @@ def rgb(path: Path, image: object) -> np.ndarray:
     """The pixels of an image to be written, which must be of shape (height, width, 3)."""
     pixels = as_numpy(image)
     if pixels.ndim != 3 or pixels.shape[2] != 3 or 0 in pixels.shape:
-        raise ValueError(f"{path}: expected an image of shape (height, width, 3), got {pixels.shape}")
+        raise ValueError(
+            f"{path}: expected an image of shape (height, width, 3), got {pixels.shape}"
+        )
     return pixels
 
 

@@ -33,7 +33,13 @@ def read(path: Path) -> np.ndarray:
         with Image.open(path, formats=["PNG"]) as image:
             mode = image.mode
             pixels = np.asarray(image)
-    except (UnidentifiedImageError, OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+    except (
+        UnidentifiedImageError,
+        OSError,
+        ValueError,
+        SyntaxError,
+        Image.DecompressionBombError,
+    ) as error:
         raise ValueError(f"{path}: not a readable PNG: {error}") from None
     if mode not in ("RGB", "RGBA"):
         raise ValueError(f"{path}: not an RGB image; its mode is {mode}")

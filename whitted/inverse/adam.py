@@ -12,9 +12,11 @@ from drjit.opt import Adam
 from .loss import Objective
 from .search import NO_SLOPE, Search
 
-# The first step in units of each number's scale, at the finest resolution, and the last one relative to it
+# The first step in units of each number's scale, at the finest resolution, and the last one
+# relative to it
 STEP, LAST = 0.05, 0.05
-# The search has converged when the loss of so many iterations is no better than before, by this part of it
+# The search has converged when the loss of so many iterations is no better than before, by this
+# part of it
 PATIENCE, BETTER = 40, 1e-4
 
 
@@ -41,7 +43,9 @@ def adam(
     best, before = (math.inf, x), 0
     for k in range(iterations):
         shrink = LAST ** (k / max(1, iterations - 1)) * 2.0**level * STEP
-        rates = {name: shrink * float(search.scale[i]) for name, i in zip(start, first, strict=True)}
+        rates = {
+            name: shrink * float(search.scale[i]) for name, i in zip(start, first, strict=True)
+        }
         optimiser.set_learning_rate(rates)
         values = dict(optimiser.items())
         loss = objective.gradient(values)

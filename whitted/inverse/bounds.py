@@ -1,4 +1,6 @@
-"""What values a fit's numbers can take, and what change of one is large: bounds and steps without tuning."""
+"""What values a fit's numbers can take, and what change of one is large: bounds and steps without
+tuning.
+"""
 
 from collections.abc import Mapping
 
@@ -21,7 +23,8 @@ def bounds_of(scene: Scene, names: list[str], asked: Bounds) -> tuple[np.ndarray
 
     Raises:
         KeyError: bounds of a parameter that is not fitted.
-        ValueError: bounds that are not a pair, are the wrong way round, outside what is legal, or exclude the start.
+        ValueError: bounds that are not a pair, are the wrong way round, outside what is legal, or
+            exclude the start.
     """
     for name in asked:
         if name not in names:
@@ -50,7 +53,9 @@ def start_of(scene: Scene, name: str) -> np.ndarray:
 
 
 def _usual(entry: Parameter, start: np.ndarray) -> tuple[float, float]:
-    """Where a parameter is looked for. A start outside of that, such as an index below 1, says that it is meant."""
+    """Where a parameter is looked for. A start outside of that, such as an index below 1, says that
+    it is meant.
+    """
     usual = entry.usual if all(entry.usual.holds(x) for x in start) else entry.legal
     least, most = usual.low, usual.high
     if usual.open:
@@ -64,20 +69,26 @@ def _checked(
 ) -> tuple[float, float]:
     """The bounds that the user asks for, checked against what is legal."""
     try:
-        low, high = (own if value is None else float(value) for value, own in zip(pair, usual, strict=True))
+        low, high = (
+            own if value is None else float(value) for value, own in zip(pair, usual, strict=True)
+        )
     except (TypeError, ValueError):
         raise ValueError(f"bounds: {name}: expected (lowest, highest), got {pair!r}") from None
     if not low <= high:
         raise ValueError(f"bounds: {name}: the lowest, {low:g}, is not below the highest, {high:g}")
     if low < legal.low or high > legal.high:
         within = f"[{legal.low:g}, {legal.high:g}]"
-        raise ValueError(f"bounds: {name}: [{low:g}, {high:g}] is not within what is legal, {within}")
+        raise ValueError(
+            f"bounds: {name}: [{low:g}, {high:g}] is not within what is legal, {within}"
+        )
     return low, high
 
 
 def scales_of(scene: Scene, names: list[str]) -> np.ndarray:
     """A large change of each number: a part of what its parameter says (`core/parameter.py`)."""
-    return np.concatenate([np.full(start_of(scene, name).size, _scale(scene, name)) for name in names])
+    return np.concatenate(
+        [np.full(start_of(scene, name).size, _scale(scene, name)) for name in names]
+    )
 
 
 def _scale(scene: Scene, name: str) -> float:

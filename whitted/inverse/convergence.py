@@ -34,7 +34,9 @@ def progress_bar(labels: Sequence[str]) -> Iterator[Callable[[Iteration], None]]
         task = bar.add_task("fit", total=None)
 
         def show(step: Iteration) -> None:
-            numbers = "  ".join(f"{label} {value:.5g}" for label, value in zip(labels[:6], step.x, strict=False))
+            numbers = "  ".join(
+                f"{label} {value:.5g}" for label, value in zip(labels[:6], step.x, strict=False)
+            )
             where = f"iteration {step.iteration}, {step.resolution[0]} x {step.resolution[1]}"
             bar.update(task, description=f"{where}, loss {step.loss:.3e}  {numbers}")
 

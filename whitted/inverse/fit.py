@@ -1,10 +1,13 @@
-"""Recover a scene's parameters from pictures of it: least squares over pixels, from coarse pictures to fine ones.
+"""Recover a scene's parameters from pictures of it: least squares over pixels, from coarse pictures
+to fine ones.
 
-A handful of parameters is fitted by Levenberg and Marquardt's method on Jacobians from forward mode, more by Adam on
-gradients from reverse mode. A picture at half the resolution is blurred by a pixel twice as wide, in which an edge acts
-from twice as far, so that a coarse fit finds what a fine one would miss, and a fine one what a coarse one cannot tell.
+A handful of parameters is fitted by Levenberg and Marquardt's method on Jacobians from forward
+mode, more by Adam on gradients from reverse mode. A picture at half the resolution is blurred by a
+pixel twice as wide, in which an edge acts from twice as far, so that a coarse fit finds what a fine
+one would miss, and a fine one what a coarse one cannot tell.
 
-Source of the gain: G. Golub, V. Pereyra, "The Differentiation of Pseudo-Inverses and Nonlinear Least Squares" (1973).
+Source of the gain: G. Golub, V. Pereyra, "The Differentiation of Pseudo-Inverses and Nonlinear
+Least Squares" (1973).
 """
 
 import math
@@ -32,8 +35,8 @@ FEW = 16
 COARSEST = 24
 # Iterations at each resolution
 ITERATIONS = {"lm": 40, "adam": 200}
-# A further start is drawn from the bounds, or where they are open from so many times the scale of each number around
-# the first, and tried for so many iterations
+# A further start is drawn from the bounds, or where they are open from so many times the scale of
+# each number around the first, and tried for so many iterations
 SPREAD, TRIALS = 4.0, 8
 
 
@@ -43,7 +46,9 @@ class FitResult:
 
     scene: Scene  # the first view's, with the recovered parameters
     parameters: dict[str, Any]  # name to a number or three
-    uncertainty: dict[str, Any]  # the same for one standard deviation; infinite where the pictures do not tell
+    uncertainty: dict[
+        str, Any
+    ]  # the same for one standard deviation; infinite where the pictures do not tell
     covariance: np.ndarray  # of all numbers, in the order of `labels`
     labels: list[str]
     loss: float  # half the mean square of the residuals, at the full resolution
@@ -59,7 +64,14 @@ class FitResult:
     def numbers(self) -> list[tuple[str, float, float]]:
         """A label, the value and one standard deviation of each number."""
         values = np.concatenate([np.ravel(value) for value in self.parameters.values()])
-        return list(zip(self.labels, values.tolist(), np.sqrt(self.covariance.diagonal()).tolist(), strict=True))
+        return list(
+            zip(
+                self.labels,
+                values.tolist(),
+                np.sqrt(self.covariance.diagonal()).tolist(),
+                strict=True,
+            )
+        )
 
     def plot(self, path: str | None = None) -> Any:
         """Draw the loss and each parameter over the iterations; needs the extra `fit`.
@@ -97,21 +109,27 @@ def fit(
     """Change a scene's parameters until its picture is the target.
 
     Args:
-        scene: where to start; or several views as pairs (scene, target), or triples with a mask, which share the
-            parameters. Their number of pixels decides what each counts for.
+        scene: where to start; or several views as pairs (scene, target), or triples with a mask,
+            which share the parameters. Their number of pixels decides what each counts for.
         target: linear RGB of shape (height, width, 3).
         wrt: names of parameters, as in `Scene.parameters`.
-        method: "lm" (Levenberg-Marquardt), "adam", or "auto", which takes "lm" for up to 16 numbers.
+        method: "lm" (Levenberg-Marquardt), "adam", or "auto", which takes "lm" for up to 16
+            numbers.
         spp: samples a pixel, a perfect square.
         iterations: at each resolution, at most [default: 40 for "lm", 200 for "adam"].
-        levels: resolutions, each half the next [default: as many as leave 24 pixels along the shorter side].
-        starts: places to start from: the scene's, and others drawn at random within the bounds, or around it where those
-            are open. All are tried at the coarsest resolution, and the best goes on.
+        levels: resolutions, each half the next [default: as many as leave 24 pixels along the
+            shorter side].
+        starts: places to start from: the scene's, and others drawn at random within the bounds, or
+            around it where those are open. All are tried at the coarsest resolution, and the best
+            goes on.
         seed: of that draw.
-        bounds: name to (lowest, highest), None where open [default: what is legal, and an index of at least 1].
+        bounds: name to (lowest, highest), None where open [default: what is legal, and an index of
+            at least 1].
         mask: what each pixel counts for, >= 0, of shape (height, width).
-        gain: each channel of a view may be brighter by a factor, which is fitted along: for targets of unknown exposure.
-        boundary, max_depth: of `render`; boundary=False differentiates samples alone, and fails at edges.
+        gain: each channel of a view may be brighter by a factor, which is fitted along: for targets
+            of unknown exposure.
+        boundary, max_depth: of `render`; boundary=False differentiates samples alone, and fails at
+            edges.
         resolution: width and height of the target, in place of the scene's.
         tolerance: ends an "lm" fit when a step is below this part of each number's scale.
         progress: show a bar on a terminal's standard error.
@@ -122,8 +140,8 @@ def fit(
 
     Raises:
         KeyError: a name that a scene does not have, or bounds for a name that is not fitted.
-        ValueError: another argument that is out of range, a target that does not fit the scene, or a number that ceases
-            to be finite; the message has the parameter and the iteration.
+        ValueError: another argument that is out of range, a target that does not fit the scene, or
+            a number that ceases to be finite; the message has the parameter and the iteration.
     """
     names = _names(wrt)
     _check(method, iterations, levels, starts)
@@ -145,10 +163,20 @@ def fit(
             if callback is not None:
                 callback(step)
 
-        search = Search(low, high, scales_of(first, names), tolerance, objective.labels(), report, has_slope=np.zeros(len(x), bool))
+        search = Search(
+            low,
+            high,
+            scales_of(first, names),
+            tolerance,
+            objective.labels(),
+            report,
+            has_slope=np.zeros(len(x), bool),
+        )
         stopped = "interrupted"
         try:
-            x, stopped = _coarse_to_fine(search, objective, x, chosen, iterations, levels, starts, seed)
+            x, stopped = _coarse_to_fine(
+                search, objective, x, chosen, iterations, levels, starts, seed
+            )
         except KeyboardInterrupt:
             x = search.best(x)
         return _result(search, objective, x, stopped)
@@ -157,7 +185,9 @@ def fit(
 def _names(wrt: Sequence[str]) -> list[str]:
     names = [wrt] if isinstance(wrt, str) else list(wrt)
     if not names:
-        raise ValueError("wrt: expected names of parameters, got an empty list; Scene.parameters() has them all")
+        raise ValueError(
+            "wrt: expected names of parameters, got an empty list; Scene.parameters() has them all"
+        )
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
         raise ValueError(f"wrt: '{repeated[0]}' is named twice")
@@ -172,17 +202,26 @@ def _check(method: str, iterations: int | None, levels: int | None, starts: int)
             raise ValueError(f"{name}: expected a whole number from 1 on, got {value!r}")
 
 
-def _views(scene: Scene | Sequence[tuple], target: object, mask: object, resolution: tuple[int, int] | None) -> list[View]:
+def _views(
+    scene: Scene | Sequence[tuple], target: object, mask: object, resolution: tuple[int, int] | None
+) -> list[View]:
     if isinstance(scene, Scene):
         if target is None:
             raise ValueError("target: expected an image, got None")
         return [view(scene, target, mask, resolution, "")]
     if target is not None or mask is not None:
-        raise ValueError("target: with several views, give each as (scene, target) or (scene, target, mask)")
+        raise ValueError(
+            "target: with several views, give each as (scene, target) or (scene, target, mask)"
+        )
     views = list(scene)
-    if not views or not all(isinstance(one, tuple) and len(one) in (2, 3) and isinstance(one[0], Scene) for one in views):
+    if not views or not all(
+        isinstance(one, tuple) and len(one) in (2, 3) and isinstance(one[0], Scene) for one in views
+    ):
         raise ValueError("scene: expected a scene, or pairs (scene, target)")
-    return [view(one[0], one[1], one[2] if len(one) == 3 else None, resolution, f"view {k}: ") for k, one in enumerate(views)]
+    return [
+        view(one[0], one[1], one[2] if len(one) == 3 else None, resolution, f"view {k}: ")
+        for k, one in enumerate(views)
+    ]
 
 
 def _coarse_to_fine(
@@ -197,7 +236,11 @@ def _coarse_to_fine(
 ) -> tuple[np.ndarray, str]:
     """The numbers that fit, and why the search ended."""
     smallest = min(min(view.resolution) for view in objective.views)
-    count = levels or max(1, 1 + int(math.log2(smallest / COARSEST))) if smallest >= 2 * COARSEST else levels or 1
+    count = (
+        levels or max(1, 1 + int(math.log2(smallest / COARSEST)))
+        if smallest >= 2 * COARSEST
+        else levels or 1
+    )
     if smallest < 1 << (count - 1):
         raise ValueError(f"levels: {count} halvings leave nothing of {smallest} pixels")
     pyramid = [objective]
@@ -212,7 +255,9 @@ def _coarse_to_fine(
     return x, stopped
 
 
-def _best_start(search: Search, objective: Objective, x: np.ndarray, descend: Callable, starts: int, seed: int) -> np.ndarray:
+def _best_start(
+    search: Search, objective: Objective, x: np.ndarray, descend: Callable, starts: int, seed: int
+) -> np.ndarray:
     """Of several starts the one from which a few iterations lead to the least loss."""
     random = np.random.default_rng(seed)
     closed = np.isfinite(search.low) & np.isfinite(search.high)
@@ -227,9 +272,19 @@ def _best_start(search: Search, objective: Objective, x: np.ndarray, descend: Ca
 
 def _result(search: Search, objective: Objective, x: np.ndarray, stopped: str) -> FitResult:
     loss, _, curvature = objective.normal_equations(x)
-    without = [label for label, has_slope in zip(search.labels, search.has_slope | (curvature.diagonal() != 0), strict=True) if not has_slope]
+    without = [
+        label
+        for label, has_slope in zip(
+            search.labels, search.has_slope | (curvature.diagonal() != 0), strict=True
+        )
+        if not has_slope
+    ]
     for label in without:
-        warnings.warn(f"fit: the pictures do not depend on {label}; it stays as it was", UserWarning, stacklevel=3)
+        warnings.warn(
+            f"fit: the pictures do not depend on {label}; it stays as it was",
+            UserWarning,
+            stacklevel=3,
+        )
     covariance = _covariance(objective, loss, curvature)
     parameters = objective.parameters(x)
     return FitResult(
@@ -247,9 +302,11 @@ def _result(search: Search, objective: Objective, x: np.ndarray, stopped: str) -
 
 
 def _covariance(objective: Objective, loss: float, curvature: np.ndarray) -> np.ndarray:
-    """Gauss-Newton's estimate: the variance of a residual times the inverse of J'J; infinite where J is 0.
+    """Gauss-Newton's estimate: the variance of a residual times the inverse of J'J; infinite where
+    J is 0.
 
-    What is left of the residual counts as noise, of the same strength and independent in all channels of all pixels.
+    What is left of the residual counts as noise, of the same strength and independent in all
+    channels of all pixels.
     """
     total = objective.total
     variance = 2 * loss * total / max(1.0, total - objective.count)

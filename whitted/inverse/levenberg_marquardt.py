@@ -8,7 +8,8 @@ import numpy as np
 from .loss import Objective
 from .search import NO_SLOPE, Search
 
-# The first damping; by what it falls after a good step and grows after a bad one; and where it is at an end
+# The first damping; by what it falls after a good step and grows after a bad one; and where it is
+# at an end
 DAMPING, FALL, GROWTH, LEAST, MOST = 1e-3, 5, 4, 1e-7, 1e6
 # A coarse fit needs no more than this part of the tolerance: the next one does the rest
 COARSE = 100
@@ -17,7 +18,8 @@ COARSE = 100
 def levenberg_marquardt(
     search: Search, objective: Objective, x: np.ndarray, iterations: int, level: int
 ) -> tuple[np.ndarray, str]:
-    """Steps (A + damping diag A)^-1 g, A = J'J and g = J'r, of which those are taken that lower the loss.
+    """Steps (A + damping diag A)^-1 g, A = J'J and g = J'r, of which those are taken that lower the
+    loss.
 
     Args:
         level: halvings of the pictures' resolution, 0 for the last fit.
@@ -58,6 +60,8 @@ def _step(
     step = np.zeros(len(x))
     # In units in which all diagonal elements are 1
     unit = 1 / np.sqrt(diagonal[free])
-    matrix = curvature[np.ix_(free, free)] * np.outer(unit, unit) + (damping + 1e-9) * np.eye(len(free))
+    matrix = curvature[np.ix_(free, free)] * np.outer(unit, unit) + (damping + 1e-9) * np.eye(
+        len(free)
+    )
     step[free] = -unit * np.linalg.solve(matrix, unit * slope[free])
     return step / max(1.0, float(np.abs(step / search.scale).max()))

@@ -1,4 +1,6 @@
-"""The files that tell of a fit: the recovered scene, pictures, how it converged, and an animation of it."""
+"""The files that tell of a fit: the recovered scene, pictures, how it converged, and an animation
+of it.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -20,7 +22,12 @@ FRAMES, WIDTH, MILLISECONDS = 50, 256, 120
 
 
 def write_recovery(
-    folder: Path, scene_file: Path, start: Scene, target: Any, result: FitResult, options: dict[str, Any]
+    folder: Path,
+    scene_file: Path,
+    start: Scene,
+    target: Any,
+    result: FitResult,
+    options: dict[str, Any],
 ) -> list[Path]:
     """Write all files of a fit to a folder, which is made if it is not there.
 
@@ -30,8 +37,8 @@ def write_recovery(
         options: of `render`.
 
     Returns:
-        The files: scene.toml, target.png, start.png, result.png, difference.png (result less target), convergence.png and
-        animation.gif (the fit on the left, the target on the right).
+        The files: scene.toml, target.png, start.png, result.png, difference.png (result less
+        target), convergence.png and animation.gif (the fit on the left, the target on the right).
 
     Raises:
         RuntimeError: there is no matplotlib, or no tomlkit.
@@ -47,13 +54,27 @@ def write_recovery(
     write_image(folder / "start.png", render_samples(start, **options))
     write_image(folder / "result.png", found)
     write_diverging(folder / "difference.png", found - pixels, "result - target")
-    atomically(folder / "convergence.png", lambda path: plot(result.history, result.labels, str(path)))
-    atomically(folder / "animation.gif", lambda path: _animate(path, start, pixels, result, options))
-    names = "scene.toml", "target.png", "start.png", "result.png", "difference.png", "convergence.png", "animation.gif"
+    atomically(
+        folder / "convergence.png", lambda path: plot(result.history, result.labels, str(path))
+    )
+    atomically(
+        folder / "animation.gif", lambda path: _animate(path, start, pixels, result, options)
+    )
+    names = (
+        "scene.toml",
+        "target.png",
+        "start.png",
+        "result.png",
+        "difference.png",
+        "convergence.png",
+        "animation.gif",
+    )
     return [folder / name for name in names]
 
 
-def _animate(path: Path, start: Scene, target: np.ndarray, result: FitResult, options: dict[str, Any]) -> None:
+def _animate(
+    path: Path, start: Scene, target: np.ndarray, result: FitResult, options: dict[str, Any]
+) -> None:
     """The iterations, and the target beside them."""
     from PIL import Image
 
@@ -65,11 +86,21 @@ def _animate(path: Path, start: Scene, target: np.ndarray, result: FitResult, op
         values = result.named(result.history[k].x)
         image = _shrunk(render_samples(start.replace(values), **options).numpy(), every)
         frames.append(Image.fromarray(np.hstack([image, small])))
-    frames[0].save(path, save_all=True, append_images=frames[1:], duration=[MILLISECONDS] * (len(frames) - 1) + [2000], loop=0)
+    frames[0].save(
+        path,
+        save_all=True,
+        append_images=frames[1:],
+        duration=[MILLISECONDS] * (len(frames) - 1) + [2000],
+        loop=0,
+    )
 
 
 def _shrunk(image: np.ndarray, every: int) -> np.ndarray:
     """The means of squares of pixels, as 8-bit sRGB."""
     height, width = (n // every * every for n in image.shape[:2])
-    means = image[:height, :width].reshape(height // every, every, width // every, every, 3).mean((1, 3))
+    means = (
+        image[:height, :width]
+        .reshape(height // every, every, width // every, every, 3)
+        .mean((1, 3))
+    )
     return (to_srgb(means) * 255 + 0.5).astype(np.uint8)

@@ -9,9 +9,7 @@ import numpy as np
 from .convergence import Iteration
 from .loss import Objective
 
-NO_SLOPE = (
-    "the pictures do not change with any of the parameters here; start elsewhere, or from several starts"
-)
+NO_SLOPE = "the pictures do not change with any of the parameters here; start elsewhere, or from several starts"
 
 
 @dataclass
@@ -33,7 +31,8 @@ class Search:
         """Keep an iteration.
 
         Raises:
-            ValueError: something is not a finite number; the message has the parameter and the iteration.
+            ValueError: something is not a finite number; the message has the parameter and the
+                iteration.
         """
         number = len(self.history)
         for label, value in zip(self.labels, x, strict=True):
@@ -41,7 +40,9 @@ class Search:
                 raise ValueError(
                     f"fit: {label} became {value} in iteration {number}; bound it, or start closer"
                 )
-        at = ", ".join(f"{label} = {value:.6g}" for label, value in zip(self.labels, x, strict=True))
+        at = ", ".join(
+            f"{label} = {value:.6g}" for label, value in zip(self.labels, x, strict=True)
+        )
         if not math.isfinite(loss):
             raise ValueError(f"fit: the loss became {loss} in iteration {number}, at {at}")
         for slope in slopes:
@@ -65,6 +66,8 @@ class Search:
         return inside
 
     def best(self, x: np.ndarray) -> np.ndarray:
-        """The best numbers so far, at the resolution that was reached; x before the first iteration."""
+        """The best numbers so far, at the resolution that was reached; x before the first
+        iteration.
+        """
         last = [step for step in self.history if step.resolution == self.history[-1].resolution]
         return min(last, key=lambda step: step.loss).x if last else x

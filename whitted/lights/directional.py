@@ -11,7 +11,9 @@ from .light import Light, Toward
 
 @dataclass(frozen=True)
 class DirectionalLight(Light):
-    """Light that travels along one direction, a unit vector in kernels (`prepared`), with the same irradiance everywhere."""
+    """Light that travels along one direction, a unit vector in kernels (`prepared`), with the same
+    irradiance everywhere.
+    """
 
     name: str
     direction: Array = parameter(3, DIRECTION)

@@ -20,7 +20,9 @@ class Toward:
 
 
 class Light(ABC):
-    """A light without an extent, so that shadows are hard. Each subclass is a frozen dataclass with a name."""
+    """A light without an extent, so that shadows are hard. Each subclass is a frozen dataclass with
+    a name.
+    """
 
     name: str
 

@@ -12,7 +12,9 @@ from .light import Light, Toward
 
 @dataclass(frozen=True)
 class PointLight(Light):
-    """A light at a point. Its intensity is in W/sr a channel, or, without falloff, the irradiance at any distance."""
+    """A light at a point. Its intensity is in W/sr a channel, or, without falloff, the irradiance
+    at any distance.
+    """
 
     name: str
     position: Array = parameter(3, scale=Scale(1 / 4, "view"))

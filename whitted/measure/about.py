@@ -25,7 +25,9 @@ from ..shapes import SHAPES
 
 
 def system() -> dict[str, str]:
-    """Versions, the libLLVM in use and why, vector width, threads and the folder of compiled kernels."""
+    """Versions, the libLLVM in use and why, vector width, threads and the folder of compiled
+    kernels.
+    """
     library = llvm.configure()
     cache = os.environ.get("DRJIT_CACHE_DIR") or Path.home() / ".drjit"
     return {

@@ -18,12 +18,14 @@ Rows = list[dict[str, Any]]
 def in_turns(calls: Mapping[str, Callable[[], Any]], rounds: int) -> dict[str, dict[str, Any]]:
     """Times of calls, in milliseconds.
 
-    Each is called once to compile its kernels, then all take turns, so that what slows the machine down slows all down.
+    Each is called once to compile its kernels, then all take turns, so that what slows the machine
+    down slows all down.
 
     Returns:
-        For each its value, the median time of the whole call ("ms"), half the range between its quartiles ("spread"),
-        what its kernels took when it was called last ("kernel_ms"), seconds of compiling ("compile_s"), and how many
-        operations the kernels compiled then hold ("operations").
+        For each its value, the median time of the whole call ("ms"), half the range between its
+        quartiles ("spread"), what its kernels took when it was called last ("kernel_ms"), seconds
+        of compiling ("compile_s"), and how many operations the kernels compiled then hold
+        ("operations").
     """
     found: dict[str, dict[str, Any]] = {}
     for name, call in calls.items():
@@ -31,7 +33,11 @@ def in_turns(calls: Mapping[str, Callable[[], Any]], rounds: int) -> dict[str, d
             value = call()
             dr.eval(value)
             dr.sync_thread()
-        found[name] = {"value": value, "compile_s": kernels.compile_seconds, "operations": kernels.operations}
+        found[name] = {
+            "value": value,
+            "compile_s": kernels.compile_seconds,
+            "operations": kernels.operations,
+        }
     times: dict[str, list[float]] = {name: [] for name in calls}
     for _ in range(rounds):
         for name, call in calls.items():

@@ -28,6 +28,8 @@ def recorded() -> Iterator[Kernels]:
         dr.sync_thread()
         for entry in dr.kernel_history():
             kernels.run_seconds += entry["execution_time"] / 1e3
-            kernels.compile_seconds += (entry.get("codegen_time", 0) + entry.get("backend_time", 0)) / 1e3
+            kernels.compile_seconds += (
+                entry.get("codegen_time", 0) + entry.get("backend_time", 0)
+            ) / 1e3
             kernels.operations = max(kernels.operations, entry.get("operation_count", 0))
             kernels.compiled += "cache_hit" in entry and not entry["cache_hit"]

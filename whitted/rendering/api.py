@@ -23,17 +23,20 @@ def render(
 
     Args:
         spp: samples a pixel, a perfect square n * n; they sit on a regular n x n grid.
-        error: choose spp and boundary so that the relative error (RMSE over the image's root mean square) is at most
-            this, and the cost is least; takes the place of both.
-        boundary: find the edges between samples, which corrects the pixels and adds to the derivatives what moving
-            edges contribute [default]; False gives plain samples and their derivatives, which miss it.
-        terms: of the derivatives: "both", or only the "interior" or the "boundary" term of their sum.
+        error: choose spp and boundary so that the relative error (RMSE over the image's root mean
+            square) is at most this, and the cost is least; takes the place of both.
+        boundary: find the edges between samples, which corrects the pixels and adds to the
+            derivatives what moving edges contribute [default]; False gives plain samples and their
+            derivatives, which miss it.
+        terms: of the derivatives: "both", or only the "interior" or the "boundary" term of their
+            sum.
         max_depth: nodes on the longest chain of rays, in place of the scene's.
         resolution: width and height in pixels, in place of the scene's.
         progress: called with the fraction done, in (0, 1], after each band of rows.
 
     Returns:
-        Linear RGB radiance, a `TensorXf` (`TensorXf64` in double precision) of shape (height, width, 3).
+        Linear RGB radiance, a `TensorXf` (`TensorXf64` in double precision) of shape (height,
+        width, 3).
 
     Raises:
         ValueError: an argument is out of range, or the image does not fit in memory.

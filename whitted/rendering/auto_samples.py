@@ -1,9 +1,10 @@
 """The cheapest samples that make an image accurate enough, found by trying them.
 
-A small image tells what each setting costs. In that order they are tried against a better one, on an image of the size
-that is asked for, or of a smaller one if that is large, until one is good enough. Errors lie along edges, which cross a
-smaller part of a larger image's pixels: with n times as many pixels sqrt(n) times as many have edges, whose share of the
-mean square falls like 1 / sqrt(n), and the error like n^(-1/4).
+A small image tells what each setting costs. In that order they are tried against a better one, on
+an image of the size that is asked for, or of a smaller one if that is large, until one is good
+enough. Errors lie along edges, which cross a smaller part of a larger image's pixels: with n times
+as many pixels sqrt(n) times as many have edges, whose share of the mean square falls like 1 /
+sqrt(n), and the error like n^(-1/4).
 """
 
 import time
@@ -24,7 +25,8 @@ SIDES = {False: (1, 2, 3, 4, 6, 8, 12, 16), True: (1, 2)}
 MANY = 1024
 # What is left of the error with edges where spp is 4 and not 1, at most
 FALL_WITH_EDGES = 1 / 4
-# Pixels along the longer side of the image whose times are taken, and most of the one whose errors are
+# Pixels along the longer side of the image whose times are taken, and most of the one whose errors
+# are
 SMALL, LARGE = 128, 512
 # What the samples of an image with edges cost more than plain ones
 LABELS = 1.2
@@ -44,7 +46,10 @@ class Setting:
 
 
 def recommend(
-    scene: Scene, error: float, max_depth: int | None = None, resolution: tuple[int, int] | None = None
+    scene: Scene,
+    error: float,
+    max_depth: int | None = None,
+    resolution: tuple[int, int] | None = None,
 ) -> Setting:
     """The cheapest setting whose error is at most this.
 
@@ -63,7 +68,9 @@ def recommend(
             if found <= error:
                 return setting
             best = min(best, found)
-    raise ValueError(f"error: {error:g} is below what is tried; about {best:.2g} is the least for this scene")
+    raise ValueError(
+        f"error: {error:g} is below what is tried; about {best:.2g} is the least for this scene"
+    )
 
 
 def settings(scene: Scene, max_depth: int | None, resolution: tuple[int, int]) -> list[Setting]:
@@ -85,7 +92,9 @@ def settings(scene: Scene, max_depth: int | None, resolution: tuple[int, int]) -
 def _errors(
     scene: Scene, max_depth: int | None, resolution: tuple[int, int], offered: list[Setting]
 ) -> Callable[[Setting], float]:
-    """A function that measures a setting's relative error, against a good one of those offered or many plain samples."""
+    """A function that measures a setting's relative error, against a good one of those offered or
+    many plain samples.
+    """
     size, more = _reduced(resolution, LARGE)
 
     @lru_cache
@@ -108,14 +117,18 @@ def _errors(
 
 
 def _reduced(resolution: tuple[int, int], side: int) -> tuple[tuple[int, int], float]:
-    """A resolution of at most so many pixels a side, and how many times as many pixels the given one has."""
+    """A resolution of at most so many pixels a side, and how many times as many pixels the given
+    one has.
+    """
     factor = min(1.0, side / max(resolution))
     size = max(1, round(resolution[0] * factor)), max(1, round(resolution[1] * factor))
     return size, resolution[0] * resolution[1] / (size[0] * size[1])
 
 
 def _seconds(call: Callable[[], Array]) -> float:
-    """The time of an image once its kernels are compiled: the least of two, as other programs may disturb one."""
+    """The time of an image once its kernels are compiled: the least of two, as other programs may
+    disturb one.
+    """
     dr.eval(call())
     times = []
     for _ in range(2):

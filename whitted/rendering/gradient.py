@@ -28,16 +28,19 @@ def gradient(
 
     Args:
         name: of a parameter of the scene, as in `Scene.parameters`.
-        component: of a vector, "x", "y" or "z", which are red, green and blue of a colour; None for a number.
+        component: of a vector, "x", "y" or "z", which are red, green and blue of a colour; None for
+            a number.
         spp, error, boundary, terms, max_depth, resolution: as of `render`.
-        progress: called with the fraction done, in (0, 1]; the first half is the image, the second its derivative.
+        progress: called with the fraction done, in (0, 1]; the first half is the image, the second
+            its derivative.
 
     Returns:
         d image / d parameter, of the type and shape of the image.
 
     Raises:
         KeyError: a name that the scene does not have; the message lists the nearest ones.
-        ValueError: a component that the parameter does not have, a vector without one, or what `render` refuses.
+        ValueError: a component that the parameter does not have, a vector without one, or what
+            `render` refuses.
     """
     values = dr.detach(scene.parameters(name))
     tangent = _unit(name, values[name], component)
@@ -64,7 +67,9 @@ def _unit(name: str, value: Array, component: str | None) -> Array:
         return type(value)(1)
     if component not in COMPONENTS:
         expected = "x, y or z (red, green or blue of a colour)"
-        raise ValueError(f"component: expected {expected} for the vector '{name}', got {component or 'none'}")
+        raise ValueError(
+            f"component: expected {expected} for the vector '{name}', got {component or 'none'}"
+        )
     return type(value)(*(float(axis == component) for axis in COMPONENTS))
 
 

@@ -18,7 +18,8 @@ from ..scene.scene import Scene
 from ..scene.structure import Structure
 from ..tracing.node import Limits
 
-# Samples in a band: enough to keep all cores busy, few enough to report progress and to stop between two of them
+# Samples in a band: enough to keep all cores busy, few enough to report progress and to stop
+# between two of them
 BAND = 1 << 22
 
 Parameters = dict[str, Array]
@@ -50,7 +51,9 @@ class Job:
 
     def band(self, first: int, rows: int) -> Band:
         structure = self.scene.structure
-        return Band(structure, self.parameters, self.limits, self.resolution, first, rows, self.side)
+        return Band(
+            structure, self.parameters, self.limits, self.resolution, first, rows, self.side
+        )
 
     def image(self) -> Array:
         return self._assemble(lambda *rows: kernels.image(*self._inputs(*rows)))
@@ -58,7 +61,9 @@ class Job:
     def tangent(self, wrt: Parameters, tangents: Parameters) -> Array:
         """The image's derivative along the tangents of the parameters `wrt`."""
         dr.make_opaque(tangents)
-        return self._assemble(lambda *rows: kernels.image_jvp(*self._inputs(*rows), dict(wrt), dict(tangents)))
+        return self._assemble(
+            lambda *rows: kernels.image_jvp(*self._inputs(*rows), dict(wrt), dict(tangents))
+        )
 
     def adjoint(self, wrt: Parameters, image: Array) -> Parameters:
         """The derivatives by the parameters `wrt`, from those by the image's pixels."""
@@ -67,7 +72,11 @@ class Job:
         for first, rows in self.bands():
             part = image.array if rows == image.shape[0] else image[first : first + rows].array
             gradients = self._adjoint(first, rows, dict(wrt), part)
-            total = gradients if total is None else {name: total[name] + gradients[name] for name in total}
+            total = (
+                gradients
+                if total is None
+                else {name: total[name] + gradients[name] for name in total}
+            )
         return total or {}
 
     def _adjoint(self, first: int, rows: int, wrt: Parameters, part: Array) -> Parameters:

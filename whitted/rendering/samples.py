@@ -1,7 +1,7 @@
 """Rendering at a number of samples.
 
-The image comes from a plain kernel, and its derivatives from kernels that trace again with gradients, so that nothing
-of the trees of rays is stored in between.
+The image comes from a plain kernel, and its derivatives from kernels that trace again with
+gradients, so that nothing of the trees of rays is stored in between.
 """
 
 import math
@@ -18,8 +18,8 @@ from ..scene.scene import MAX_DEPTH, Scene
 from .job import BoundaryJob, Job
 
 MAX_SPP = 1 << 16
-# Dr.Jit's frozen functions cannot be entered by two threads at once. Derivatives are for one thread at a time: Dr.Jit's own
-# work on them in another thread can wait for what waits for it
+# Dr.Jit's frozen functions cannot be entered by two threads at once. Derivatives are for one thread
+# at a time: Dr.Jit's own work on them in another thread can wait for what waits for it
 LOCK = threading.RLock()
 
 
@@ -37,26 +37,35 @@ def render_samples(
 
     Args:
         spp: samples a pixel, a perfect square n * n; they sit on a regular n x n grid.
-        boundary: find the edges between samples, which corrects the pixels and adds to the derivatives what moving
-            edges contribute; False gives plain samples and their derivatives, which miss it.
-        terms: of the derivatives: "both", or only the "interior" or the "boundary" term of their sum.
+        boundary: find the edges between samples, which corrects the pixels and adds to the
+            derivatives what moving edges contribute; False gives plain samples and their
+            derivatives, which miss it.
+        terms: of the derivatives: "both", or only the "interior" or the "boundary" term of their
+            sum.
         max_depth: nodes on the longest chain of rays, in place of the scene's.
         resolution: width and height in pixels, in place of the scene's.
         progress: called with the fraction done, in (0, 1], after each band of rows.
 
     Returns:
-        Linear RGB radiance, a `TensorXf` (`TensorXf64` in double precision) of shape (height, width, 3).
+        Linear RGB radiance, a `TensorXf` (`TensorXf64` in double precision) of shape (height,
+        width, 3).
 
     Raises:
         ValueError: an argument is out of range, or the image does not fit in memory.
     """
     if terms not in TERMS or (terms != "both" and not boundary):
-        raise ValueError(f"terms: expected one of {', '.join(TERMS)}, with boundary=True, got {terms!r}")
+        raise ValueError(
+            f"terms: expected one of {', '.join(TERMS)}, with boundary=True, got {terms!r}"
+        )
     side = math.isqrt(spp) if _is_whole(spp, 1, MAX_SPP) else 0
     if side * side != spp or not side:
-        raise ValueError(f"spp: expected a perfect square (1, 4, 9, 16, ...) up to {MAX_SPP}, got {spp!r}")
+        raise ValueError(
+            f"spp: expected a perfect square (1, 4, 9, 16, ...) up to {MAX_SPP}, got {spp!r}"
+        )
     if max_depth is not None and not _is_whole(max_depth, 1, MAX_DEPTH):
-        raise ValueError(f"max_depth: expected a whole number from 1 to {MAX_DEPTH}, got {max_depth!r}")
+        raise ValueError(
+            f"max_depth: expected a whole number from 1 to {MAX_DEPTH}, got {max_depth!r}"
+        )
     size = _checked(scene.resolution if resolution is None else resolution)
     _check_memory(*size, dr.itemsize_v(scene.background))
     parameters = scene.parameters()
@@ -72,7 +81,11 @@ def render_samples(
 
 
 def _is_whole(value: object, low: int, high: int) -> bool:
-    return isinstance(value, (int, np.integer)) and not isinstance(value, bool) and bool(low <= value <= high)
+    return (
+        isinstance(value, (int, np.integer))
+        and not isinstance(value, bool)
+        and bool(low <= value <= high)
+    )
 
 
 def _checked(resolution: object) -> tuple[int, int]:

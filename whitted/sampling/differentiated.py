@@ -1,7 +1,9 @@
-"""Scenes made ready for kernels, and for derivatives by some of their parameters in forward and in reverse mode.
+"""Scenes made ready for kernels, and for derivatives by some of their parameters in forward and in
+reverse mode.
 
-Parameters are differentiated in two stages. What is common to all samples (unit vectors, the camera's frame) depends
-on the parameters alone, and is differentiated once; samples are differentiated by what comes out of it.
+Parameters are differentiated in two stages. What is common to all samples (unit vectors, the
+camera's frame) depends on the parameters alone, and is differentiated once; samples are
+differentiated by what comes out of it.
 """
 
 from collections.abc import Callable
@@ -18,8 +20,8 @@ from ..tracing.primary import CameraFrame, camera_frame
 
 Parameters = dict[str, Array]
 RayOf = Callable[[CameraFrame], Ray]
-# From a scene, sums of derivatives, parameters as wide as the wavefront, and rays, to the sums with theirs added and
-# the derivatives by the rays' origins and directions
+# From a scene, sums of derivatives, parameters as wide as the wavefront, and rays, to the sums with
+# theirs added and the derivatives by the rays' origins and directions
 Walk = Callable[[Scene, Parameters, Parameters, Ray], tuple[Parameters, Array, Array]]
 
 
@@ -28,7 +30,10 @@ def prepare(structure: Structure, parameters: Parameters, size: Array) -> tuple[
     scene = structure.filled(parameters)
     shapes = tuple(shape.prepared() for shape in scene.shapes)
     lights = tuple(light.prepared() for light in scene.lights)
-    prepared = replace(scene, shapes=shapes, lights=lights), camera_frame(scene.camera, size.x / size.y)
+    prepared = (
+        replace(scene, shapes=shapes, lights=lights),
+        camera_frame(scene.camera, size.x / size.y),
+    )
     dr.eval(prepared)
     return prepared
 
@@ -37,7 +42,12 @@ class Forward:
     """A scene that moves along the tangents of the parameters `wrt`."""
 
     def __init__(
-        self, structure: Structure, parameters: Parameters, size: Array, wrt: Parameters, tangents: Parameters
+        self,
+        structure: Structure,
+        parameters: Parameters,
+        size: Array,
+        wrt: Parameters,
+        tangents: Parameters,
     ) -> None:
         wrt = dr.detach(wrt)
         dr.enable_grad(wrt)
@@ -62,9 +72,16 @@ class Reverse:
     """A scene whose derivatives by the parameters `wrt` are summed over samples."""
 
     def __init__(
-        self, structure: Structure, parameters: Parameters, size: Array, wrt: Parameters, nothing: Array
+        self,
+        structure: Structure,
+        parameters: Parameters,
+        size: Array,
+        wrt: Parameters,
+        nothing: Array,
     ) -> None:
-        """Args: nothing: zeros as wide as the wavefront, which keep each lane's derivatives in its lane."""
+        """Args: nothing: zeros as wide as the wavefront, which keep each lane's derivatives in its
+        lane.
+        """
         self.wrt = dr.detach(wrt)
         dr.enable_grad(self.wrt)
         scene, frame = prepare(structure, parameters | self.wrt, size)
@@ -112,4 +129,6 @@ def _of_scene(scene: Scene, wrt: Parameters) -> Parameters:
 
 def _total(value: Array) -> Array:
     """The sum over lanes, of each component."""
-    return dr.sum(value) if dr.depth_v(value) == 1 else type(value)(*(dr.sum(part) for part in value))
+    return (
+        dr.sum(value) if dr.depth_v(value) == 1 else type(value)(*(dr.sum(part) for part in value))
+    )

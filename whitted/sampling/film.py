@@ -12,7 +12,9 @@ from ..tracing.primary import CameraFrame, image_ray
 
 @dataclass(frozen=True)
 class Film:
-    """A band of rows of an image. All but the first three are opaque to kernels, so that one serves every image."""
+    """A band of rows of an image. All but the first three are opaque to kernels, so that one serves
+    every image.
+    """
 
     pixels: int
     lanes: int  # pixels and their margin, rounded up to whole 4 x 4 blocks
@@ -29,7 +31,12 @@ class Film:
 
 
 def film_of(
-    resolution: tuple[int, int], first_row: int, rows: int, side: int, precision: Precision, margin: int = 0
+    resolution: tuple[int, int],
+    first_row: int,
+    rows: int,
+    side: int,
+    precision: Precision,
+    margin: int = 0,
 ) -> Film:
     """The film of some rows of an image.
 
@@ -79,7 +86,9 @@ def next_sample(film: Film, i: Array, j: Array) -> tuple[Array, Array]:
 
 
 def sample_ray(frame: CameraFrame, film: Film, x: Array, y: Array, i: Array, j: Array) -> Ray:
-    """The primary ray of a pixel's sample (i, j), at ((i + 1/2) / side, (j + 1/2) / side) within the pixel."""
+    """The primary ray of a pixel's sample (i, j), at ((i + 1/2) / side, (j + 1/2) / side) within
+    the pixel.
+    """
     real = type(film.step)
     x = dr.fma(real(i) + 0.5, film.step, real(x))
     y = dr.fma(real(j) + 0.5, film.step, real(y) + film.first_row)

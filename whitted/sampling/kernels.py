@@ -1,6 +1,8 @@
-"""The kernels of a film: a band's pixels, and their derivatives in one direction or by all parameters at once.
+"""The kernels of a film: a band's pixels, and their derivatives in one direction or by all
+parameters at once.
 
-Each runs in a frozen function, which skips tracing the Python code when a scene of the same structure comes again.
+Each runs in a frozen function, which skips tracing the Python code when a scene of the same
+structure comes again.
 """
 
 from collections.abc import Callable
@@ -23,11 +25,15 @@ from .film import Film, next_sample, pixel, sample_ray
 REVERSE_LANES = 1 << 14
 
 
-def accumulate(film: Film, of_sample: Callable[[Array, Array, Array, Array], Array], color: Any) -> Array:
-    """A band's pixels, row-major with RGB interleaved: the means of their samples, without the margin's.
+def accumulate(
+    film: Film, of_sample: Callable[[Array, Array, Array, Array], Array], color: Any
+) -> Array:
+    """A band's pixels, row-major with RGB interleaved: the means of their samples, without the
+    margin's.
 
     Args:
-        of_sample: pixel column and row in the band, and place (i, j) on the pixel's grid, to the sample's Array3f.
+        of_sample: pixel column and row in the band, and place (i, j) on the pixel's grid, to the
+            sample's Array3f.
         color: the type of Array3f.
     """
     x, y, valid = pixel(film, dr.arange(ad.Int, film.lanes))
@@ -92,7 +98,9 @@ def image_vjp(
     adjoint: Array,
     weights: Array | None = None,
 ) -> Parameters:
-    """The derivatives of dot(adjoint, image) by the parameters `wrt`, with weights as those of `image_jvp`."""
+    """The derivatives of dot(adjoint, image) by the parameters `wrt`, with weights as those of
+    `image_jvp`.
+    """
     real, color = structure.precision.real, structure.precision.vector
     lanes = min(film.lanes, REVERSE_LANES)
     stride = dr.minimum(film.count, REVERSE_LANES)

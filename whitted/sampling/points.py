@@ -1,6 +1,7 @@
 """Kernels for derivatives of samples at any image position, rather than of those of a film.
 
-Each has one lane for each of its inputs, whose number may differ from call to call, and runs in a frozen function.
+Each has one lane for each of its inputs, whose number may differ from call to call, and runs in a
+frozen function.
 """
 
 import drjit as dr
@@ -19,7 +20,9 @@ NOWHERE = 0xFFFFFFFF
 
 
 def in_lanes(x: Array, value: Array) -> Array:
-    """The value in as many lanes as x has. A constant of width 1 would keep the width of the call that was recorded."""
+    """The value in as many lanes as x has. A constant of width 1 would keep the width of the call
+    that was recorded.
+    """
     other = type(value)(1) if dr.type_v(value) is dr.VarType.Bool else type(value)(77)
     return dr.select(x < dr.inf, value, other)
 
@@ -54,7 +57,9 @@ def samples_vjp(
     x: Array,
     y: Array,
 ) -> Parameters:
-    """The derivatives by the parameters `wrt` of dot(adjoint, pixels), to which positions add weighted radiance."""
+    """The derivatives by the parameters `wrt` of dot(adjoint, pixels), to which positions add
+    weighted radiance.
+    """
     lanes = dr.width(x)
     reverse = Reverse(structure, parameters, size, wrt, dr.zeros(type(x), lanes))
     seed = weight * of_pixel(structure, adjoint, pixel)

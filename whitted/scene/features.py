@@ -1,8 +1,8 @@
 """What a scene's kernels have compiled in, derived from its numbers: no more than the scene needs.
 
-A parameter with its neutral value (a weight of 0, a shadow of 1) is left out of the code, unless `Scene.replace` has
-touched it: what an optimiser moves must not compile a kernel anew when it passes through that value, and a derivative
-at the value needs the code.
+A parameter with its neutral value (a weight of 0, a shadow of 1) is left out of the code, unless
+`Scene.replace` has touched it: what an optimiser moves must not compile a kernel anew when it
+passes through that value, and a derivative at the value needs the code.
 """
 
 from collections.abc import Collection, Hashable
@@ -28,7 +28,9 @@ class Features:
     compensated: frozenset[int]  # primitives that need sums that keep their rounding errors
 
 
-def features_of(scene: "Scene", before: Features | None = None, changed: Collection[str] = ()) -> Features:
+def features_of(
+    scene: "Scene", before: Features | None = None, changed: Collection[str] = ()
+) -> Features:
     """The features of a scene with the numbers that it has now.
 
     Args:
@@ -53,7 +55,9 @@ def _of_materials(scene: "Scene") -> tuple[frozenset[str], frozenset[str], froze
     """Which parameters are live, and which materials are coated and shadowless."""
     numbers, touched = scene.numbers, scene.touched
     live = {
-        name for name, neutral in scene.neutral.items() if name in touched or numbers[name] != neutral
+        name
+        for name, neutral in scene.neutral.items()
+        if name in touched or numbers[name] != neutral
     }
     coated, shadowless = set(), set()
     for material in scene.materials:
@@ -82,7 +86,9 @@ def _of_places(scene: "Scene") -> tuple[frozenset[int], frozenset[int]]:
 
 
 def may(scene: "Scene", material: Material, field: str) -> bool:
-    """Whether a material's parameter can have another value than its neutral one, and so is worth compiling."""
+    """Whether a material's parameter can have another value than its neutral one, and so is worth
+    compiling.
+    """
     return f"materials.{material.name}.{field}" in scene.features.live
 
 

@@ -36,7 +36,8 @@ def load_scene(path: str | Path, precision: str = "single") -> Scene:
         precision: "single" (float32) or "double" (float64), of every computation with this scene.
 
     Raises:
-        SceneError: the file cannot be read, or is not a valid scene; the message has a line for each problem.
+        SceneError: the file cannot be read, or is not a valid scene; the message has a line for
+            each problem.
         ValueError: another precision.
     """
     named = {each.name: each for each in PRECISIONS}
@@ -55,11 +56,15 @@ def _parse(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
-        raise SceneError(f"{path}: not a text file in UTF-8: byte {error.start} is not valid") from None
+        raise SceneError(
+            f"{path}: not a text file in UTF-8: byte {error.start} is not valid"
+        ) from None
     except tomllib.TOMLDecodeError as error:
         at = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         where = f":{at[1]}:{at[2]}" if at else ""
-        raise SceneError(f"{path}{where}: not valid TOML: {re.sub(r' *[(]at .*[)]$', '', str(error))}") from None
+        raise SceneError(
+            f"{path}{where}: not valid TOML: {re.sub(r' *[(]at .*[)]$', '', str(error))}"
+        ) from None
     except (RecursionError, ValueError) as error:
         raise SceneError(f"{path}: not valid TOML: {error}") from None
 
@@ -69,7 +74,8 @@ def _scene(table: Any, precision: Precision) -> Scene:
 
     def thing(kind: Any, table: Any, **more: Any) -> Any:
         arrays = {
-            name: _array(entry, getattr(table, name), precision) for name, entry in parameters_of(kind).items()
+            name: _array(entry, getattr(table, name), precision)
+            for name, entry in parameters_of(kind).items()
         }
         return kind(**{name: getattr(table, name) for name in settings_of(kind)}, **arrays, **more)
 
@@ -87,11 +93,14 @@ def _scene(table: Any, precision: Precision) -> Scene:
             for i, own in enumerate(getattr(table, kind.group))
         ),
         materials=tuple(
-            thing(Material, own, name=name, checker=own.checker and thing(Checkerboard, own.checker))
+            thing(
+                Material, own, name=name, checker=own.checker and thing(Checkerboard, own.checker)
+            )
             for name, own in table.materials.items()
         ),
         lights=tuple(
-            thing(LIGHTS[own.type], own, name=named("lights", i, own)) for i, own in enumerate(table.lights)
+            thing(LIGHTS[own.type], own, name=named("lights", i, own))
+            for i, own in enumerate(table.lights)
         ),
         max_depth=table.max_depth,
         min_importance=table.min_importance,

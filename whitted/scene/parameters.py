@@ -16,7 +16,9 @@ Numbers = tuple[float, ...]
 
 @dataclass(frozen=True)
 class Location:
-    """Where a parameter is: a field of the scene, a place in it if it is a tuple, and fields from there on."""
+    """Where a parameter is: a field of the scene, a place in it if it is a tuple, and fields from
+    there on.
+    """
 
     field: str
     place: int | None
@@ -45,7 +47,9 @@ def locations_in(
     for field in fields(thing):
         part = getattr(thing, field.name)
         if is_dataclass(part):
-            yield from locations_in(part, f"{prefix}.{field.name}", whole, place, (*path, field.name))
+            yield from locations_in(
+                part, f"{prefix}.{field.name}", whole, place, (*path, field.name)
+            )
 
 
 def with_values(thing: Any, values: Mapping[tuple[str, ...], Array]) -> Any:
@@ -110,7 +114,8 @@ def check_numbers(numbers: Mapping[str, Numbers], locations: Mapping[str, Locati
     """Refuse numbers that have no meaning, as a step of an optimiser may bring them.
 
     Raises:
-        ValueError: a number outside of its parameter's range, by more than `OVERSTEP` where the range is closed.
+        ValueError: a number outside of its parameter's range, by more than `OVERSTEP` where the
+            range is closed.
     """
     for name, own in numbers.items():
         entry = locations[name].entry

@@ -16,7 +16,8 @@ def rewritten(path: str | Path, parameters: Mapping[str, Any]) -> str:
 
     Args:
         path: a valid scene file.
-        parameters: name, as in `Scene.parameters`, to a number or three; nine digits of each are written.
+        parameters: name, as in `Scene.parameters`, to a number or three; nine digits of each are
+            written.
 
     Raises:
         RuntimeError: there is no tomlkit.

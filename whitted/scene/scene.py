@@ -1,5 +1,6 @@
 """The scene: what there is, and its parameters by name."""
 
+import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -51,7 +52,8 @@ class Scene:
     fixed: Features | None = None  # in a kernel: what it is compiled for
 
     def parameters(self, *names: str) -> dict[str, Array]:
-        """Copies of the parameters of these names, or of all: scalars of width 1, vectors `Array3f` of width 1.
+        """Copies of the parameters of these names, or of all: scalars of width 1, vectors `Array3f`
+        of width 1.
 
         Raises:
             KeyError: a name that the scene does not have; the message lists the nearest ones.
@@ -65,26 +67,30 @@ class Scene:
         """A new scene with these parameters, differentiable in what was replaced.
 
         Args:
-            values: parameter name to a Dr.Jit array of width 1, or to a number or three of them; a dictionary or a
-                `drjit.opt` optimiser. Gradients are tracked through the arrays as they are given.
+            values: parameter name to a Dr.Jit array of width 1, or to a number or three of them; a
+                dictionary or a `drjit.opt` optimiser. Gradients are tracked through the arrays as
+                they are given.
 
         Raises:
             KeyError: a name that the scene does not have; the message lists the nearest ones.
-            ValueError: a value that is not one scalar, or not one vector, as its parameter is; or a number that has
-                no meaning, as in a file. Steps of optimisers and of differences may overstep a closed range, such
-                as [0, 1], by 0.01.
+            ValueError: a value that is not one scalar, or not one vector, as its parameter is; or a
+                number that has no meaning, as in a file. Steps of optimisers and of differences may
+                overstep a closed range, such as [0, 1], by 0.01.
         """
         known = self.locations
         check_names(values.keys(), known)
         arrays = {
-            name: as_parameter(name, value, known[name].read(self)) for name, value in values.items()
+            name: as_parameter(name, value, known[name].read(self))
+            for name, value in values.items()
         }
         # While a kernel is recorded numbers are not known; those of before decide what is compiled
         numbers = {} if _is_recording() else numbers_of(arrays)
         check_numbers(numbers, known)
         new = self.neutral.keys() & arrays.keys()
         scene = self._with(touched=self.touched | new, **self._changes(arrays))
-        scene.__dict__.update(numbers=self.numbers | numbers, before=(self.structure, arrays.keys()))
+        scene.__dict__.update(
+            numbers=self.numbers | numbers, before=(self.structure, arrays.keys())
+        )
         return scene
 
     def carrying(self, values: Mapping[str, Array]) -> "Scene":
@@ -112,6 +118,10 @@ class Scene:
         scene.__dict__.update({name: getattr(self, name) for name in derived})
         return scene
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What is pickled and copied: the fields, without what was derived from them."""
+        return {field.name: self.__dict__[field.name] for field in dataclasses.fields(self)}
+
     @cached_property
     def locations(self) -> dict[str, Location]:
         """Where each parameter is, by name."""
@@ -134,7 +144,9 @@ class Scene:
         """The neutral values of the parameters that have one, by name."""
         entries = ((name, where.entry) for name, where in self.locations.items())
         return {
-            name: (entry.neutral,) * entry.size for name, entry in entries if entry.neutral is not None
+            name: (entry.neutral,) * entry.size
+            for name, entry in entries
+            if entry.neutral is not None
         }
 
     @cached_property

@@ -1,6 +1,7 @@
 """What a scene file may say: the keys, their values, and a line for each problem with them.
 
-The tables are made from what the things say of themselves: their parameters and settings (`core/parameter.py`).
+The tables are made from what the things say of themselves: their parameters and settings
+(`core/parameter.py`).
 """
 
 import difflib
@@ -33,7 +34,9 @@ GROUPS = {kind.group: kind for kind in SHAPES}
 POINT = next(iter(LIGHTS))
 
 
-def _check(expected: str, accepts: Callable[[Any], bool], convert: Callable[[Any], Any]) -> BeforeValidator:
+def _check(
+    expected: str, accepts: Callable[[Any], bool], convert: Callable[[Any], Any]
+) -> BeforeValidator:
     """A check of a key's value, with what a message says was expected."""
 
     def check(value: Any) -> Any:
@@ -48,7 +51,9 @@ def _numbers(size: int, legal: Range) -> Any:
     """The type of one number, or of a vector of them, in a range."""
 
     def is_number(value: Any) -> bool:
-        return isinstance(value, (int, float)) and not isinstance(value, bool) and legal.holds(value)
+        return (
+            isinstance(value, (int, float)) and not isinstance(value, bool) and legal.holds(value)
+        )
 
     def is_vector(value: Any) -> bool:
         return isinstance(value, list) and len(value) == size and all(map(is_number, value))
@@ -56,7 +61,9 @@ def _numbers(size: int, legal: Range) -> Any:
     expected = legal.expected(size)
     if size == 1:
         return Annotated[float, _check(expected, is_number, float)]
-    return Annotated[list[float], _check(expected, is_vector, lambda value: [float(x) for x in value])]
+    return Annotated[
+        list[float], _check(expected, is_vector, lambda value: [float(x) for x in value])
+    ]
 
 
 def _is_whole(value: Any, low: int, high: int) -> bool:
@@ -64,7 +71,9 @@ def _is_whole(value: Any, low: int, high: int) -> bool:
 
 
 def _is_resolution(value: Any) -> bool:
-    return isinstance(value, list) and len(value) == 2 and all(_is_whole(n, 1, 1 << 20) for n in value)
+    return (
+        isinstance(value, list) and len(value) == 2 and all(_is_whole(n, 1, 1 << 20) for n in value)
+    )
 
 
 def _is_name(value: Any) -> bool:
@@ -90,7 +99,9 @@ def _table(kind: Any, **more: Any) -> type[BaseModel]:
     """The table of a class of things, with more keys than its parameters and settings."""
     keys: dict[str, Any] = {}
     for name, entry in parameters_of(kind).items():
-        default = entry.default if entry.size == 1 or entry.default is REQUIRED else [entry.default] * 3
+        default = (
+            entry.default if entry.size == 1 or entry.default is REQUIRED else [entry.default] * 3
+        )
         keys[name] = (_numbers(entry.size, entry.legal), ... if default is REQUIRED else default)
     for name, own in settings_of(kind).items():
         keys[name] = (own.kind, ... if own.default is REQUIRED else own.default)
@@ -105,7 +116,8 @@ SHAPE_TABLES = {
     group: _table(kind, name=OPTIONAL_NAME, material=(Name, ...)) for group, kind in GROUPS.items()
 }
 LIGHT_TABLES = {
-    name: _table(kind, name=OPTIONAL_NAME, type=(Literal[name], name)) for name, kind in LIGHTS.items()
+    name: _table(kind, name=OPTIONAL_NAME, type=(Literal[name], name))
+    for name, kind in LIGHTS.items()
 }
 
 
@@ -155,7 +167,9 @@ def _describe(problem: Any) -> str:
         return f"{where} = {value}: {problem['ctx']['error']}"
     if kind == "literal_error":
         known = get_args(_table_at(path[:-1]).model_fields[path[-1]].annotation)
-        return f"{where} = {value}: expected {_choices(known)}{_nearest(str(problem['input']), known)}"
+        return (
+            f"{where} = {value}: expected {_choices(known)}{_nearest(str(problem['input']), known)}"
+        )
     if kind == "union_tag_invalid":
         name = problem["input"]["type"]
         near = _nearest(str(name), LIGHTS)
@@ -245,7 +259,9 @@ def _direction_problems(where: str, kind: Any, table: dict) -> list[str]:
     for name, entry in parameters_of(kind).items():
         value = _vector_or_none(table.get(name)) if entry.legal.direction else None
         if value is not None and not _direction(value).any():
-            found.append(f"{where}.{name} = {_shorten(table[name])}: expected a direction, not zero")
+            found.append(
+                f"{where}.{name} = {_shorten(table[name])}: expected a direction, not zero"
+            )
     return found
 
 
@@ -257,7 +273,10 @@ def _camera_problems(camera: dict) -> list[str]:
     if np.array_equal(position.astype(np.float32), look_at.astype(np.float32)):
         value = _shorten(camera["look_at"])
         return [f"camera.look_at = {value}: expected a point other than camera.position"]
-    if up is not None and not _direction(np.cross(_direction(look_at - position), _direction(up)), 1e-6).any():
+    if (
+        up is not None
+        and not _direction(np.cross(_direction(look_at - position), _direction(up)), 1e-6).any()
+    ):
         value = _shorten(camera.get("up", [0, 1, 0]))
         return [f"camera.up = {value}: expected a direction not parallel to the view"]
     return []
@@ -286,7 +305,13 @@ def _dotted(path: tuple[Any, ...]) -> str:
     text = ""
     for part in path:
         plain = isinstance(part, int) or re.fullmatch(r"[\w-]+", part)
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if plain else f".{json.dumps(part)}"
+        text += (
+            f"[{part}]"
+            if isinstance(part, int)
+            else f".{part}"
+            if plain
+            else f".{json.dumps(part)}"
+        )
     return text.lstrip(".")
 
 

@@ -19,7 +19,12 @@ class Structure:
         self.features = scene.features
         self.precision = scene.precision
         compiled = replace(
-            scene, fixed=self.features, touched=frozenset(), resolution=(0, 0), max_depth=0, min_importance=0.0
+            scene,
+            fixed=self.features,
+            touched=frozenset(),
+            resolution=(0, 0),
+            max_depth=0,
+            min_importance=0.0,
         )
         self.key = take_apart(compiled, []), self.precision.name
         self._hash = hash(self.key)

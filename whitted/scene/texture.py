@@ -1,7 +1,8 @@
 """The checkerboard: its parameters, its colours, and where its cells end.
 
-The two world coordinates other than the axis along which the normal is largest are u and v. A cell is a square of the
-given size; cells whose column and row add up to an odd number have the board's colour, the others that of the material.
+The two world coordinates other than the axis along which the normal is largest are u and v. A cell
+is a square of the given size; cells whose column and row add up to an odd number have the board's
+colour, the others that of the material.
 """
 
 from dataclasses import dataclass
@@ -31,7 +32,9 @@ class Checkerboard:
         return cells - 2 * dr.floor(cells / 2) != 0
 
     def level(self, p: Array, normal: Array, axis: Array, border: Array) -> Array:
-        """The distance of a point from the border that begins a column (axis 0) or a row (axis 1) of cells."""
+        """The distance of a point from the border that begins a column (axis 0) or a row (axis 1)
+        of cells.
+        """
         u, v = coordinates(p, normal)
         return dr.select(axis == 0, u, v) - border * self.size
 

@@ -47,7 +47,9 @@ class Disc(Shape):
         return self.level(p), self.normal
 
     def outline(self, o: Array, d: Array) -> Array:
-        """The rim: radius^2 less the squared distance of the center from where the line meets the plane."""
+        """The rim: radius^2 less the squared distance of the center from where the line meets the
+        plane.
+        """
         return self._within(o, d, -self.level(o) / dr.dot(self.normal, d))
 
     def _within(self, o: Array, d: Array, t: Array) -> Array:

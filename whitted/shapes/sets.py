@@ -1,8 +1,9 @@
 """The primitives of a scene, by kind. Here, and nowhere else, a primitive is one Python object.
 
-Primitives are numbered over the whole scene. Each kind of shape forms a set, whose primitives have consecutive
-numbers; on equal distance the smaller number wins. A set searches, and then hands out one primitive a lane
-(`Picked`), on which the rest of the tracer works, however many primitives there are.
+Primitives are numbered over the whole scene. Each kind of shape forms a set, whose primitives have
+consecutive numbers; on equal distance the smaller number wins. A set searches, and then hands out
+one primitive a lane (`Picked`), on which the rest of the tracer works, however many primitives
+there are.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -49,7 +50,9 @@ class ShapeSet:
         return (index >= self.first) & (index < self.first + self.count)
 
     def pick(self, index: Array, blank: Shape) -> Shape:
-        """The primitive of this number, one a lane, and a blank one where none of the set has the number."""
+        """The primitive of this number, one a lane, and a blank one where none of the set has the
+        number.
+        """
         chosen = {}
         for field in parameters_of(self.kind):
             table = ((number, getattr(shape, field)) for number, shape in self.members)
@@ -57,7 +60,9 @@ class ShapeSet:
         return replace(self._template(blank), **chosen)
 
     def _template(self, blank: Shape) -> Any:
-        """What of the picked primitive is not a parameter: one that is computed with care makes all careful."""
+        """What of the picked primitive is not a parameter: one that is computed with care makes all
+        careful.
+        """
         return next((shape for _, shape in self.members if shape.compensated), blank)
 
     def closest(self, ray: Ray, hit: Hit) -> Hit:
@@ -65,7 +70,9 @@ class ShapeSet:
         for number, shape in self.members:
             t, meets, within = shape.distance(ray, ray.source == number)
             nearer = meets & (t < hit.t)
-            inside = dr.select(nearer, within, hit.inside) if self.kind.closed else hit.inside & ~nearer
+            inside = (
+                dr.select(nearer, within, hit.inside) if self.kind.closed else hit.inside & ~nearer
+            )
             hit = Hit(dr.select(nearer, t, hit.t), dr.select(nearer, number, hit.index), inside)
         return hit
 
@@ -91,17 +98,22 @@ class ShapeSet:
     def flipped(
         self, a: ShadowRay, b: ShadowRay, materials: Collection[str], best: tuple[Array, Array]
     ) -> tuple[Array, Array]:
-        """The primitive that crosses one segment to a light and not the other, and is nearest to doing both.
+        """The primitive that crosses one segment to a light and not the other, and is nearest to
+        doing both.
 
         Args:
-            best: the number of the best primitive so far, and the outline's level on the side that it does not cross.
+            best: the number of the best primitive so far, and the outline's level on the side that
+                it does not cross.
         """
         if not self.kind.casts_edges:
             return best
         other, nearest = best
         for number, shape in self.members:
             if shape.material in materials:
-                here, there = shape.blocks(a, a.source == number), shape.blocks(b, b.source == number)
+                here, there = (
+                    shape.blocks(a, a.source == number),
+                    shape.blocks(b, b.source == number),
+                )
                 o, d = dr.select(here, b.o, a.o), dr.select(here, b.d, a.d)
                 gap = shape.outline(o, d)
                 better = (here ^ there) & (gap > nearest)
@@ -120,7 +132,12 @@ class ShapeSet:
         for number, shape in self.members:
             if self.kind.closed and shape.material in fills:
                 ior, clear = fills[shape.material]
-                around = (shape.level(p) < 0) & (but != number) & clear & (shape.extent() < medium.extent)
+                around = (
+                    (shape.level(p) < 0)
+                    & (but != number)
+                    & clear
+                    & (shape.extent() < medium.extent)
+                )
                 medium = Medium(
                     dr.select(around, ior, medium.ior),
                     dr.select(around, shape.extent(), medium.extent),
@@ -152,7 +169,9 @@ class ShapeSet:
 
 
 def _scattered(number: int) -> int:
-    """A number's bits spread over a word, so that sets of primitives have different hashes (Knuth's multiplier)."""
+    """A number's bits spread over a word, so that sets of primitives have different hashes (Knuth's
+    multiplier).
+    """
     return (number + 1) * 0x9E3779B1 & 0xFFFFFFFF
 
 

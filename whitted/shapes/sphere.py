@@ -1,7 +1,8 @@
 """Spheres.
 
-A sphere's normal points out of it. Source of the stable quadratic: E. Haines, J. Guenther, T. Akenine-Moeller,
-"Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems (2019), ch. 7.
+A sphere's normal points out of it. Source of the stable quadratic: E. Haines, J. Guenther, T.
+Akenine-Moeller, "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems (2019), ch.
+7.
 """
 
 import math
@@ -17,8 +18,8 @@ from ..core.parameter import POSITIVE, Scale, parameter
 from ..core.ray import Ray, ShadowRay
 from .shape import Numbers, Shape
 
-# An eye closer to a sphere than this part of the radius sees squares cancel: of single precision's seven digits, five
-# are left at 1/32, which is what a pixel can show
+# An eye closer to a sphere than this part of the radius sees squares cancel: of single precision's
+# seven digits, five are left at 1/32, which is what a pixel can show
 NEAR = 1 / 32
 
 
@@ -57,9 +58,9 @@ class Sphere(Shape):
         return dr.select(on, 2 * b, dr.select(inside, b + half, b - half))
 
     def blocks(self, ray: ShadowRay, on: Array) -> Array:
-        """The sphere crosses the segment when one end is in it and the other is not, or when both are outside and the
-        line's nearest point lies between them, in the sphere. No root is taken, so that a light exactly on the sphere
-        casts no noise.
+        """The sphere crosses the segment when one end is in it and the other is not, or when both
+        are outside and the line's nearest point lies between them, in the sphere. No root is taken,
+        so that a light exactly on the sphere casts no noise.
         """
         b, discriminant = self._chord(ray.o, ray.d)
         starts_in = dr.select(on, ray.inward, self.level(ray.o) < 0)
@@ -71,8 +72,9 @@ class Sphere(Shape):
     def level(self, p: Array) -> Array:
         """|p - center|^2 - radius^2: negative inside, positive outside.
 
-        A `compensated` sphere's is summed with the rounding errors of every step but the last. That keeps it exact to
-        rounding where the plain difference of two large squares has lost every digit.
+        A `compensated` sphere's is summed with the rounding errors of every step but the last. That
+        keeps it exact to rounding where the plain difference of two large squares has lost every
+        digit.
         """
         square = self.radius * self.radius
         if not self.compensated:
@@ -99,7 +101,8 @@ class Sphere(Shape):
     def _chord(self, o: Array, d: Array) -> tuple[Array, Array]:
         """Distance along the line (o, d) to the point nearest to the center, and the discriminant.
 
-        The line meets the sphere where the discriminant is positive, its square root before and behind that point.
+        The line meets the sphere where the discriminant is positive, its square root before and
+        behind that point.
         """
         to_center = self.center - o
         b = dr.dot(to_center, d)

@@ -54,7 +54,9 @@ class Chart:
 
 @dataclass(frozen=True)
 class Case:
-    """A hard case, with a function that yields its checks in a precision, and one that makes its chart."""
+    """A hard case, with a function that yields its checks in a precision, and one that makes its
+    chart.
+    """
 
     number: int
     name: str
@@ -67,7 +69,9 @@ class Case:
 
 def vectors_of(p: Precision, rows: Any) -> Array:
     """An array of vectors from three rows of numbers."""
-    return p.vector(*(p.real(np.ascontiguousarray(row, p.dtype)) for row in np.broadcast_arrays(*rows)))
+    return p.vector(
+        *(p.real(np.ascontiguousarray(row, p.dtype)) for row in np.broadcast_arrays(*rows))
+    )
 
 
 def rounded(p: Precision, values: Any) -> np.ndarray:
@@ -94,7 +98,9 @@ def count(mask: Any) -> float:
     return float(np.count_nonzero(np.asarray(mask)))
 
 
-def slopes(function: Callable[[Array], Array], x: Array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def slopes(
+    function: Callable[[Array], Array], x: Array
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The values of an elementwise function at x, and its derivatives, forward and reverse."""
     inputs = type(x)(x), type(x)(x)
     dr.enable_grad(inputs)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..core.arrays import PRECISIONS, Precision
+from ..scene.scene import Scene
 from .case import Case, Chart, Check, Curve, count, worst
 from .scenes import (
     GLASS,
@@ -23,7 +24,6 @@ from .scenes import (
     scene_of,
     wall,
 )
-from ..scene.scene import Scene
 
 PIXEL = camera((0, 0, 5), (0, 0, 0), 1, (1, 1))
 AHEAD = camera((0.1, 0.2, 4), (0, 0, 0), 40, (24, 24))
@@ -46,7 +46,9 @@ def _room(p: Precision, scale: float = 1.0, shift: float = 0.0) -> Scene:
     def place(*x: float) -> list[float]:
         return [a * scale + shift for a in x]
 
-    spheres = ball("glass", place(-0.6, 0, 0), 0.6 * scale, "glass") + ball("red", place(0.7, -0.2, 0.3), 0.5 * scale, "red")
+    spheres = ball("glass", place(-0.6, 0, 0), 0.6 * scale, "glass") + ball(
+        "red", place(0.7, -0.2, 0.3), 0.5 * scale, "red"
+    )
     floor = wall("floor", (0, 1, 0), scale - shift, "red")
     view = camera(place(0, 0.5, 4), place(0, 0, 0), 45, (48, 48))
     return scene_of(p, DIM, view, GLASS, RED, spheres, floor, lamp(place(1, 3, 2), (1, 0.9, 0.8)))
@@ -57,10 +59,18 @@ def scaled(p: Precision) -> Iterator[Check]:
     back = reverse(_room(p), "spheres.red.center")["spheres.red.center"]
     for scale in (1e-4, 1e-2, 1e2, 1e4):
         scene = _room(p, scale)
-        yield Check(f"scale {scale:g}: image, 99 % of its pixels", _off(picture(scene), image, 0.99), min(1e-5, 100 * p.epsilon))
+        yield Check(
+            f"scale {scale:g}: image, 99 % of its pixels",
+            _off(picture(scene), image, 0.99),
+            min(1e-5, 100 * p.epsilon),
+        )
         slope = forward(scene, "spheres.red.center", "x") * scale
         bound = 100 * p.epsilon * abs(ahead).max()
-        yield Check(f"scale {scale:g}: d image / d center, 99 % of its pixels", _off(slope, ahead, 0.99), bound)
+        yield Check(
+            f"scale {scale:g}: d image / d center, 99 % of its pixels",
+            _off(slope, ahead, 0.99),
+            bound,
+        )
         slopes = reverse(scene, "spheres.red.center")["spheres.red.center"] * scale
         # One sample that crosses an edge in rounding may change a sum of thousands
         yield Check(
@@ -77,7 +87,9 @@ def scaled_chart() -> Chart:
         for label, share in (("9 of 10", 0.9), ("99 %", 0.99)):
             errors = [_off(picture(_room(p, scale)), image, share) for scale in scales.tolist()]
             curves.append(Curve(f"{label} pixels, {p.name}", scales, np.array(errors)))
-    return Chart("The same scene at other scales", "scale", "difference of pixels", tuple(curves), 1e-4)
+    return Chart(
+        "The same scene at other scales", "scale", "difference of pixels", tuple(curves), 1e-4
+    )
 
 
 def moved(p: Precision) -> Iterator[Check]:
@@ -87,7 +99,9 @@ def moved(p: Precision) -> Iterator[Check]:
         error = picture(scene) - image
         yield Check(f"by {shift:g}: 9 of 10 pixels", _off(picture(scene), image, 0.9), 2 * ulp)
         wrong = abs(error).max(-1) > max(0.02, 10 * ulp)
-        yield Check(f"by {shift:g}: share of pixels with acne or beside an edge", float(wrong.mean()), 0.05)
+        yield Check(
+            f"by {shift:g}: share of pixels with acne or beside an edge", float(wrong.mean()), 0.05
+        )
         yield from finite_checks(scene, f"by {shift:g}", "spheres.glass.center", "x")
 
 
@@ -98,7 +112,13 @@ def moved_chart() -> Chart:
         errors = [_off(picture(_room(p, shift=shift)), image, 0.9) for shift in shifts.tolist()]
         curves.append(Curve(f"9 of 10 pixels, {p.name}", shifts, np.array(errors)))
         curves.append(Curve(f"2 ulp(position), {p.name}", shifts, 2 * p.epsilon * shifts))
-    return Chart("The same scene far from the origin", "moved by", "difference of pixels", tuple(curves), 1e-2)
+    return Chart(
+        "The same scene far from the origin",
+        "moved by",
+        "difference of pixels",
+        tuple(curves),
+        1e-2,
+    )
 
 
 # 5: a sphere for a ground
@@ -107,15 +127,29 @@ def moved_chart() -> Chart:
 def _ground(p: Precision, radius: float | None) -> Scene:
     """A ball on a ground that is a sphere, or a plane without a radius."""
     mirror = material("mirror", color=[0.5, 0.4, 0.3], reflection=0.5)
-    ground = wall("ground", (0, 1, 0), 1, "mirror") if radius is None else ball("ground", (0, -radius - 1, 0), radius, "mirror")
+    ground = (
+        wall("ground", (0, 1, 0), 1, "mirror")
+        if radius is None
+        else ball("ground", (0, -radius - 1, 0), radius, "mirror")
+    )
     view = camera((0, 0.7, 4), (0, 0, 0), 45, (48, 48))
-    return scene_of(p, DIM, view, WHITE, mirror, ball("ball", (0.2, 0.2, 0), 0.6, "white"), ground, lamp((1, 3, 2)))
+    return scene_of(
+        p,
+        DIM,
+        view,
+        WHITE,
+        mirror,
+        ball("ball", (0.2, 0.2, 0), 0.6, "white"),
+        ground,
+        lamp((1, 3, 2)),
+    )
 
 
 def ground(p: Precision) -> Iterator[Check]:
     flat = picture(_ground(p, None))[30:]
     for radius in (1e4, 1e6):
-        # Rows that see ground at most some 10 units away, whose height is off by 50 / r, and slopes by 10 / r
+        # Rows that see ground at most some 10 units away, whose height is off by 50 / r, and slopes
+        # by 10 / r
         yield Check(
             f"radius {radius:g}: 99 % of near pixels",
             _off(picture(_ground(p, radius))[30:], flat, 0.99),
@@ -138,7 +172,10 @@ def ground_chart() -> Chart:
 
 
 def overlapping(p: Precision) -> Iterator[Check]:
-    one, two = material("a", refraction=1, ior=1.5, fresnel="true"), material("b", refraction=1, ior=2, fresnel="true")
+    one, two = (
+        material("a", refraction=1, ior=1.5, fresnel="true"),
+        material("b", refraction=1, ior=2, fresnel="true"),
+    )
     pair = ball("one", (0, 0, 0), 1, "a"), ball("two", (0, 0, 0.9), 0.8, "a")
     sky = SKY, "max_depth = 6\n"
     for order in (pair, pair[::-1]):
@@ -150,7 +187,9 @@ def overlapping(p: Precision) -> Iterator[Check]:
     # The smaller sphere, of index 2, fills what both contain
     mixed = scene_of(p, *sky, PIXEL, one, two, pair[0], pair[1].replace('"a"', '"b"'))
     expected = (1 - (1 / 3) ** 2) * (1 - (0.5 / 3.5) ** 2) * 0.96
-    yield Check("two indices: the smaller sphere fills", worst(picture(mixed) - expected), 16 * p.epsilon)
+    yield Check(
+        "two indices: the smaller sphere fills", worst(picture(mixed) - expected), 16 * p.epsilon
+    )
     yield from finite_checks(mixed, "two indices", "materials.b.ior")
 
 
@@ -162,16 +201,28 @@ def inside(p: Precision) -> Iterator[Check]:
         glass = GLASS, ball("glass", (0, 0, 0), 1, "glass")
         return scene_of(p, SKY, "max_depth = 2\n", camera((x, 0, 0), (x, 0, -1), 1, (1, 1)), *glass)
 
-    yield Check("camera in glass, beyond the critical angle: what gets out", worst(picture(looks_out(0.8))), 0)
+    yield Check(
+        "camera in glass, beyond the critical angle: what gets out",
+        worst(picture(looks_out(0.8))),
+        0,
+    )
     expected = 1 - _reflectance(math.asin(0.1), 1 / 1.5)
-    yield Check("camera in glass, at sin = 0.1: 1 - F", worst(picture(looks_out(0.1)) - expected), 8 * p.epsilon)
+    yield Check(
+        "camera in glass, at sin = 0.1: 1 - F",
+        worst(picture(looks_out(0.1)) - expected),
+        8 * p.epsilon,
+    )
     yield from finite_checks(looks_out(0.1), "camera in glass", "materials.glass.ior")
     air = material("air", refraction=1, ior=1)
     lit = PIXEL, WHITE, air, ball("air", (0, 0, 0), 1, "air")
     shadowed = scene_of(p, *lit, wall("back", (0, 0, 1), 2, "white"), lamp((0, 0, 0.5)))
     yield Check("light in glass: radiance of what is outside", worst(picture(shadowed)), 0)
     within = scene_of(p, *lit, ball("within", (0, 0, 0), 0.2, "white"), lamp((0, 0, 0.5)))
-    yield Check("light in glass: of what is inside with it, from 1", worst(picture(within) - 1), 4 * p.epsilon)
+    yield Check(
+        "light in glass: of what is inside with it, from 1",
+        worst(picture(within) - 1),
+        4 * p.epsilon,
+    )
     for where, scene, expected in _lights(p):
         yield Check(f"light {where}", worst(picture(scene) - expected), 0)
         yield from finite_checks(scene, f"light {where}", "lights.lamp.position", "x")
@@ -179,7 +230,9 @@ def inside(p: Precision) -> Iterator[Check]:
 
 def _reflectance(theta: float, n: float) -> float:
     t = math.asin(math.sin(theta) / n)
-    return (math.sin(theta - t) / math.sin(theta + t)) ** 2 / 2 + (math.tan(theta - t) / math.tan(theta + t)) ** 2 / 2
+    return (math.sin(theta - t) / math.sin(theta + t)) ** 2 / 2 + (
+        math.tan(theta - t) / math.tan(theta + t)
+    ) ** 2 / 2
 
 
 def _lights(p: Precision) -> Iterator[tuple[str, Scene, float]]:
@@ -199,7 +252,14 @@ def planes(p: Precision) -> Iterator[Check]:
         ("parallel to it", (0, 1, 0), 1),
         ("through the camera", (0, 0, 1), -5),
     ):
-        scene = scene_of(p, "background = [0.5, 0.5, 0.5]\n", GLOW, PIXEL, WHITE, wall("plane", normal, offset, "white"))
+        scene = scene_of(
+            p,
+            "background = [0.5, 0.5, 0.5]\n",
+            GLOW,
+            PIXEL,
+            WHITE,
+            wall("plane", normal, offset, "white"),
+        )
         yield Check(f"plane {where}: seen", count(picture(scene) != 0.5), 0)
         yield from finite_checks(scene, f"plane {where}", "planes.plane.offset")
     for where, position in (("under the pixel", (0, 0, 0)), ("beside it", (1, 0, 0))):
@@ -217,17 +277,25 @@ def twins(p: Precision) -> Iterator[Check]:
     red = ball("ball", (0, 0, 0), 0.8, "red"), wall("wall", (0, 1, 0.2), 1, "red")
     white = ball("twin", (0, 0, 0), 0.8, "white"), wall("twin_wall", (0, -1, -0.2), -1, "white")
     doubled = scene_of(p, *parts, red[0], white[0], red[1], white[1])
-    yield Check("twins: image from that of the first of each", worst(picture(doubled) - picture(scene_of(p, *parts, *red))), 0)
+    yield Check(
+        "twins: image from that of the first of each",
+        worst(picture(doubled) - picture(scene_of(p, *parts, *red))),
+        0,
+    )
     yield from finite_checks(doubled, "twins", "spheres.twin.radius")
     dense = GLASS.replace("glass", "dense").replace("1.5", "2.0")
     clear = DIM, AHEAD, materials, GLASS, dense, wall("back", (0, 0, 1), 1.5, "white")
     first, second = ball("first", (0, 0, 0), 0.8, "glass"), ball("second", (0, 0, 0), 0.8, "dense")
     lit = lamp((2, 3, 4))
-    difference = picture(scene_of(p, *clear, first, second, lit)) - picture(scene_of(p, *clear, first, lit))
+    difference = picture(scene_of(p, *clear, first, second, lit)) - picture(
+        scene_of(p, *clear, first, lit)
+    )
     yield Check("twins of glass: image from that of the first", worst(difference), 0)
     pair = ball("left", (-0.5, 0, 0), 0.5, "glass") + ball("right", (0.5, 0, 0), 0.5, "white")
     view = camera((0, 0, 4), (0, 0, 0), 40, (25, 25))
-    touching = scene_of(p, DIM, view, GLASS, WHITE, pair, wall("floor", (0, 1, 0), 0.5, "white"), lamp((2, 3, 4)))
+    touching = scene_of(
+        p, DIM, view, GLASS, WHITE, pair, wall("floor", (0, 1, 0), 0.5, "white"), lamp((2, 3, 4))
+    )
     yield from finite_checks(touching, "touching spheres and plane", "spheres.left.center", "x")
 
 
@@ -240,9 +308,18 @@ def degenerate(p: Precision) -> Iterator[Check]:
         view = camera((x, 0, 5), (x, 0, 0), 1, (1, 1))
         for of in ("white", "glass"):
             scene = scene_of(
-                p, quarter, GLOW, view, WHITE, GLASS, ball("ball", (0, 0, 0), 1, of), wall("back", (0, 0, 1), 9, "white")
+                p,
+                quarter,
+                GLOW,
+                view,
+                WHITE,
+                GLASS,
+                ball("ball", (0, 0, 0), 1, of),
+                wall("back", (0, 0, 1), 9, "white"),
             )
-            yield from finite_checks(scene, f"{of} edge at {x - 1:g} of the pixel's centre", "spheres.ball.radius")
+            yield from finite_checks(
+                scene, f"{of} edge at {x - 1:g} of the pixel's centre", "spheres.ball.radius"
+            )
     empty = scene_of(p, quarter, AHEAD)
     yield Check("empty scene: its background", worst(picture(empty) - 0.25), 0)
     yield Check(
@@ -254,7 +331,11 @@ def degenerate(p: Precision) -> Iterator[Check]:
     yield from finite_checks(one, "one node", "materials.glass.ior")
     white = ball("ball", (0.1, 0.2, 4), 7, "white")
     covered = scene_of(p, AHEAD, WHITE, white, lamp((0.1, 0.2, 4)))
-    yield Check("sphere that covers the image, lit head-on, from 1", worst(picture(covered) - 1), 8 * p.epsilon)
+    yield Check(
+        "sphere that covers the image, lit head-on, from 1",
+        worst(picture(covered) - 1),
+        8 * p.epsilon,
+    )
     yield from finite_checks(covered, "sphere that covers the image", "spheres.ball.radius")
 
 

@@ -7,17 +7,25 @@ from pathlib import Path
 
 import numpy as np
 
-from ..inverse.fit import FitResult, fit
 from ..core.arrays import Precision
+from ..inverse.fit import FitResult, fit
+from ..rendering.samples import render_samples
+from ..scene.files import SceneError, load_scene
+from ..scene.scene import Scene
 from .case import Case, Check, count
 from .scenes import GLASS, GLOW, SKY, WHITE, ball, camera, lamp, scene_of, wall
-from ..rendering.samples import render_samples
-from ..scene.scene import Scene
-from ..scene.files import SceneError, load_scene
 
 VIEW = camera((0, 0, 4), (0, 0, 0), 40, (12, 12))
 GOOD = "".join(
-    [GLOW, VIEW, WHITE, GLASS, ball("ball", (0, 0, 0), 0.8, "glass"), wall("floor", (0, 1, 0), 1, "white"), lamp((1, 3, 2))]
+    [
+        GLOW,
+        VIEW,
+        WHITE,
+        GLASS,
+        ball("ball", (0, 0, 0), 0.8, "glass"),
+        wall("floor", (0, 1, 0), 1, "white"),
+        lamp((1, 3, 2)),
+    ]
 )
 # What to write for what, and the place that the message is to name
 BAD = (
@@ -53,14 +61,39 @@ def refused(p: Precision) -> Iterator[Check]:
 
 
 def _pushed(p: Precision) -> Iterator[tuple[str, Scene, list[str], Scene]]:
-    """Fits that a picture pushes out of what is legal: what, the start, the names, and the scene of the picture."""
+    """Fits that a picture pushes out of what is legal: what, the start, the names, and the scene of
+    the picture.
+    """
     shrinks = scene_of(p, GLOW, VIEW, WHITE, ball("ball", (0, 0, 0), 0.3, "white"))
-    yield "a radius through 0", shrinks, ["spheres.ball.radius"], shrinks.replace({"spheres.ball.center": [0, 0, 9]})
-    glass = scene_of(p, SKY, VIEW, GLASS, WHITE, ball("ball", (0, 0, 0), 1, "glass"), ball("back", (0.2, 0, -3), 1, "white"))
+    yield (
+        "a radius through 0",
+        shrinks,
+        ["spheres.ball.radius"],
+        shrinks.replace({"spheres.ball.center": [0, 0, 9]}),
+    )
+    glass = scene_of(
+        p,
+        SKY,
+        VIEW,
+        GLASS,
+        WHITE,
+        ball("ball", (0, 0, 0), 1, "glass"),
+        ball("back", (0.2, 0, -3), 1, "white"),
+    )
     thin = glass.replace({"materials.glass.ior": 1.02})
-    yield "an index through 1", thin, ["materials.glass.ior"], glass.replace({"materials.glass.ior": 0.8})
+    yield (
+        "an index through 1",
+        thin,
+        ["materials.glass.ior"],
+        glass.replace({"materials.glass.ior": 0.8}),
+    )
     lit = scene_of(p, VIEW, WHITE, ball("ball", (0, 0, 0), 0.5, "white"), lamp((0, 0, 1.5)))
-    yield "a sphere over the light", lit, ["spheres.ball.center"], lit.replace({"spheres.ball.center": [0, 0, 1.5]})
+    yield (
+        "a sphere over the light",
+        lit,
+        ["spheres.ball.center"],
+        lit.replace({"spheres.ball.center": [0, 0, 1.5]}),
+    )
     near = scene_of(p, GLOW, VIEW, WHITE, ball("ball", (0, 0, 2.5), 0.5, "white"))
     yield (
         "a sphere over the camera",
@@ -104,7 +137,10 @@ def _wrong(found: FitResult) -> float:
     values = np.concatenate([step.x for step in found.history])
     losses = np.array([step.loss for step in found.history])
     low = {"radius": 0.0, "ior": 1.0}
-    below = sum(float(np.min(value)) < low.get(name.rpartition(".")[2], -math.inf) for name, value in found.parameters.items())
+    below = sum(
+        float(np.min(value)) < low.get(name.rpartition(".")[2], -math.inf)
+        for name, value in found.parameters.items()
+    )
     return count(~np.isfinite(values)) + count(~np.isfinite(losses)) + below
 
 

@@ -8,16 +8,18 @@ import drjit as dr
 import numpy as np
 from drjit.llvm import ad
 
-from ..core.arrays import Array, PRECISIONS, Precision
+from ..core.arrays import PRECISIONS, Array, Precision
+from ..tracing.optics import fresnel, reflect, refract, transmission
 from .case import Case, Chart, Check, Curve, count, slopes, worst
 from .scenes import WHITE, ball, camera, finite_checks, lamp, material, picture, scene_of, wall
-from ..tracing.optics import fresnel, reflect, refract, transmission
 
 CRITICAL = math.asin(1 / 1.5)
 
 
 def reflectance(cosine: Array, n: Array) -> Array:
-    """Of an interface, where n is the index behind it over the one before it; 1 under total internal reflection."""
+    """Of an interface, where n is the index behind it over the one before it; 1 under total
+    internal reflection.
+    """
     squared, total = transmission(cosine, 1 / n)
     positive = squared > 0
     cos_theta_t = dr.select(positive, dr.sqrt(dr.select(positive, squared, 1)), 0)
@@ -25,7 +27,8 @@ def reflectance(cosine: Array, n: Array) -> Array:
 
 
 def textbook(theta: np.ndarray, n: float) -> tuple[np.ndarray, np.ndarray]:
-    """Reflectance and its derivative by n from the angles of incidence, in NumPy's longest precision, n not 1.
+    """Reflectance and its derivative by n from the angles of incidence, in NumPy's longest
+    precision, n not 1.
 
     R_s = (sin(i - t) / sin(i + t))^2, R_p = (tan(i - t) / tan(i + t))^2, and dt / dn = -tan(t) / n.
     """
@@ -47,17 +50,29 @@ def _at(p: Precision, degrees: float, n: float) -> tuple[np.ndarray, np.ndarray,
 
 
 def index_one(p: Precision) -> Iterator[Check]:
-    cosine = p.real(np.concatenate([np.linspace(0, 1, 1001), 2.0 ** -np.arange(1, 60)]).astype(p.dtype))
-    value, forward, reverse = slopes(lambda n: reflectance(cosine, n), dr.ones(p.real, dr.width(cosine)))
+    cosine = p.real(
+        np.concatenate([np.linspace(0, 1, 1001), 2.0 ** -np.arange(1, 60)]).astype(p.dtype)
+    )
+    value, forward, reverse = slopes(
+        lambda n: reflectance(cosine, n), dr.ones(p.real, dr.width(cosine))
+    )
     yield Check("angles with a reflectance other than 0", count(value != 0), 0)
     yield Check("angles with d F / d n other than 0", count((forward != 0) | (reverse != 0)), 0)
     air = material("air", reflection=1, refraction=1, ior=1, fresnel="true")
     # The lamp lies between the ball and the wall, as glass of any index throws a shadow
     room = (
-        camera((0.1, 0.2, 4), (0, 0, 0), 40, (24, 24)) + WHITE + air + wall("back", (0, 0, 1), 1.5, "white") + lamp((2, 2, -1.2))
+        camera((0.1, 0.2, 4), (0, 0, 0), 40, (24, 24))
+        + WHITE
+        + air
+        + wall("back", (0, 0, 1), 1.5, "white")
+        + lamp((2, 2, -1.2))
     )
     scene = scene_of(p, room, ball("ball", (0.1, 0, 0), 0.9, "air"))
-    yield Check("image minus the one without the sphere", worst(picture(scene) - picture(scene_of(p, room))), 32 * p.epsilon)
+    yield Check(
+        "image minus the one without the sphere",
+        worst(picture(scene) - picture(scene_of(p, room))),
+        32 * p.epsilon,
+    )
     yield from finite_checks(scene, "a ball of index 1", "materials.air.ior")
 
 
@@ -73,7 +88,9 @@ def brewster(p: Precision) -> Iterator[Check]:
     value, forward, reverse = _at(p, math.degrees(theta), 1.5)
     perpendicular = math.cos(2 * theta) ** 2  # sin(i - t)^2, as i + t is a right angle
     yield Check(
-        "parallel reflectance, what is left of 2 F - R_s", worst(2 * value - perpendicular), 8 * p.epsilon * perpendicular
+        "parallel reflectance, what is left of 2 F - R_s",
+        worst(2 * value - perpendicular),
+        8 * p.epsilon * perpendicular,
     )
     _, by_n = textbook(np.array(theta), 1.5)
     for mode, slope in (("forward", forward), ("reverse", reverse)):
@@ -91,10 +108,15 @@ def critical(p: Precision) -> Iterator[Check]:
     around = np.concatenate([-np.logspace(-16, -1, 61), [0], np.logspace(-16, -1, 61)])
     everything = slopes(*_near(p, around))
     yield Check("around: not finite", count(~np.isfinite(everything)), 0)
-    # What is left of the relative error when its growth, ulp / (distance to the angle), is taken out
+    # What is left of the relative error when its growth, ulp / (distance to the angle), is taken
+    # out
     inside = np.logspace(math.log10(64 * p.epsilon), -1.5, 40)
     for name, errors in zip(("forward", "reverse"), _slope_errors(p, inside), strict=True):
-        yield Check(f"just inside: d F / d n, {name}, relative, times the distance", worst(errors * inside), 4 * p.epsilon)
+        yield Check(
+            f"just inside: d F / d n, {name}, relative, times the distance",
+            worst(errors * inside),
+            4 * p.epsilon,
+        )
 
 
 def _near(p: Precision, inside: np.ndarray) -> tuple[Callable[[Array], Array], Array]:
@@ -113,15 +135,35 @@ def _slope_errors(p: Precision, inside: np.ndarray) -> tuple[np.ndarray, np.ndar
 def critical_chart() -> Chart:
     inside = np.logspace(-14, -1, 53)
     curves = [
-        Curve(f"derivative by automatic differentiation, {p.name}", inside, abs(_slope_errors(p, inside)[1])) for p in PRECISIONS
+        Curve(
+            f"derivative by automatic differentiation, {p.name}",
+            inside,
+            abs(_slope_errors(p, inside)[1]),
+        )
+        for p in PRECISIONS
     ]
     cosine = math.cos
     for step in (1e-4, 1e-7):
-        ends = [np.array([_double(cosine(CRITICAL - x), 1 / 1.5 + h) for x in inside]) for h in (-step, step)]
+        ends = [
+            np.array([_double(cosine(CRITICAL - x), 1 / 1.5 + h) for x in inside])
+            for h in (-step, step)
+        ]
         expected = textbook(CRITICAL - inside.astype(np.longdouble), 1 / 1.5)[1].astype(np.float64)
-        curves.append(Curve(f"differences, step {step:g}, double", inside, abs((ends[1] - ends[0]) / (2 * step) / expected - 1)))
+        curves.append(
+            Curve(
+                f"differences, step {step:g}, double",
+                inside,
+                abs((ends[1] - ends[0]) / (2 * step) / expected - 1),
+            )
+        )
     title = "Fresnel reflectance just inside the critical angle: its slope is infinite there"
-    return Chart(title, "angle inside the critical one, radians", "relative error of dF/dn", tuple(curves), 1e-2)
+    return Chart(
+        title,
+        "angle inside the critical one, radians",
+        "relative error of dF/dn",
+        tuple(curves),
+        1e-2,
+    )
 
 
 def _double(cosine: float, n: float) -> float:
@@ -130,17 +172,21 @@ def _double(cosine: float, n: float) -> float:
     if squared <= 0:
         return 1.0
     t = math.sqrt(squared)
-    return (((cosine - n * t) / (cosine + n * t)) ** 2 + ((n * cosine - t) / (n * cosine + t)) ** 2) / 2
+    return (
+        ((cosine - n * t) / (cosine + n * t)) ** 2 + ((n * cosine - t) / (n * cosine + t)) ** 2
+    ) / 2
 
 
 # 12 and 13: through a sphere
 
 
 def deviation(theta: Array, n: Array, bounces: int = 0) -> Array:
-    """The angle that a ray is turned by which meets a sphere at theta: into it, k reflections, out of it.
+    """The angle that a ray is turned by which meets a sphere at theta: into it, k reflections, out
+    of it.
 
-    Each turn is taken from the sine of its half, or of the half of what is left to pi, whichever is smaller: exact
-    to rounding at every angle. (Dr.Jit's arc tangent aborts the process before LLVM 20.)
+    Each turn is taken from the sine of its half, or of the half of what is left to pi, whichever is
+    smaller: exact to rounding at every angle. (Dr.Jit's arc tangent aborts the process before LLVM
+    20.)
     """
     real = type(theta)
     vector = {ad.Float: ad.Array3f, ad.Float64: ad.Array3f64}[real]
@@ -151,7 +197,9 @@ def deviation(theta: Array, n: Array, bounces: int = 0) -> Array:
         cosine = -dr.dot(d, normal)
         eta = 1 / n if entering else n
         squared, _ = transmission(cosine, eta)
-        out = reflect(d, normal) if reflecting else refract(d, normal, cosine, dr.sqrt(squared), eta)
+        out = (
+            reflect(d, normal) if reflecting else refract(d, normal, cosine, dr.sqrt(squared), eta)
+        )
         out = dr.normalize(out)
         acute = dr.dot(d, out) > 0
         angle = 2 * dr.asin(dr.norm(dr.select(acute, out - d, out + d)) / 2)
@@ -176,9 +224,15 @@ def _deviations(p: Precision, theta: float, n: float, bounces: int) -> Iterator[
     by_n = 2 * (1 + bounces) * math.tan(inner) / n
     value, forward, reverse = slopes(partial(_turned, p, theta, bounces), dr.opaque(p.real, n))
     steps = bounces + 2
-    yield Check(f"{bounces} bounces: turn, relative", worst(value / expected - 1), 4 * steps * p.epsilon)
+    yield Check(
+        f"{bounces} bounces: turn, relative", worst(value / expected - 1), 4 * steps * p.epsilon
+    )
     for mode, slope in (("forward", forward), ("reverse", reverse)):
-        yield Check(f"{bounces} bounces: d turn / d n, {mode}, relative", worst(slope / by_n - 1), 8 * steps * p.epsilon)
+        yield Check(
+            f"{bounces} bounces: d turn / d n, {mode}, relative",
+            worst(slope / by_n - 1),
+            8 * steps * p.epsilon,
+        )
 
 
 def rainbow(p: Precision) -> Iterator[Check]:
@@ -186,9 +240,17 @@ def rainbow(p: Precision) -> Iterator[Check]:
         yield from _deviations(p, math.radians(40), 1.5, bounces)
     n = 4 / 3
     at = math.acos(math.sqrt((n * n - 1) / 3))
-    yield Check("angle of the least turn, in degrees, from 59.391", abs(math.degrees(at) - 59.391), 5e-4)
-    value, forward, reverse = slopes(lambda theta: deviation(theta, dr.opaque(p.real, n), 1), dr.opaque(p.real, at))
-    yield Check("least turn, in degrees, from 137.970", worst(np.degrees(value) - 137.970), 5e-4 + 180 * 12 * p.epsilon)
+    yield Check(
+        "angle of the least turn, in degrees, from 59.391", abs(math.degrees(at) - 59.391), 5e-4
+    )
+    value, forward, reverse = slopes(
+        lambda theta: deviation(theta, dr.opaque(p.real, n), 1), dr.opaque(p.real, at)
+    )
+    yield Check(
+        "least turn, in degrees, from 137.970",
+        worst(np.degrees(value) - 137.970),
+        5e-4 + 180 * 12 * p.epsilon,
+    )
     # Terms of sizes up to 4 cancel
     for mode, slope in (("forward", forward), ("reverse", reverse)):
         yield Check(f"d turn / d angle there, {mode}", worst(slope), 32 * p.epsilon)
@@ -208,8 +270,12 @@ def rainbow_chart() -> Chart:
             by_n.append(reverse[0])
         exact = 2 * (1 + bounces) * math.tan(inner) / n
         curves.append(Curve(f"turn, {p.name}", bounces, abs(np.array(turns) / expected - 1)))
-        curves.append(Curve(f"its derivative by n, {p.name}", bounces, abs(np.array(by_n) / exact - 1)))
-    return Chart("Bounces inside a sphere", "bounces", "relative error", tuple(curves), 1e-4, linear=True)
+        curves.append(
+            Curve(f"its derivative by n, {p.name}", bounces, abs(np.array(by_n) / exact - 1))
+        )
+    return Chart(
+        "Bounces inside a sphere", "bounces", "relative error", tuple(curves), 1e-4, linear=True
+    )
 
 
 CASES = (

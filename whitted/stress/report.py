@@ -1,4 +1,6 @@
-"""What the stress suite leaves behind: charts, a table of all checks as CSV, and a page that shows both."""
+"""What the stress suite leaves behind: charts, a table of all checks as CSV, and a page that shows
+both.
+"""
 
 import csv
 import html
@@ -8,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from ..files.atomic import atomically, write_text
 from ..files.figures import figure_of
 from .case import Chart, Curve
-from ..files.atomic import atomically, write_text
 from .suite import Result, slug
 
 # Zeros have no place among powers of ten: they are drawn here
@@ -43,7 +45,8 @@ def write(folder: Path, results: Sequence[Result]) -> list[Path]:
 
 
 def breaking(curve: Curve, chart: Chart) -> int | None:
-    """Where a method breaks: the first point, coming from the side where it works, with an error above what is tolerated.
+    """Where a method breaks: the first point, coming from the side where it works, with an error
+    above what is tolerated.
 
     Returns:
         The point's place in the curve; None where it never breaks.
@@ -70,8 +73,20 @@ def draw(path: Path, chart: Chart) -> None:
     figure, axes = figure_of(1, 5)
     for k, curve in enumerate(chart.curves):
         _draw_curve(axes, curve, chart, k)
-    axes.axhline(chart.broken, color="gray", linestyle=":", linewidth=1, label=f"broken above {chart.broken:g}")
-    axes.set(title=chart.title, xlabel=chart.x, ylabel=chart.y, yscale="log", xscale="linear" if chart.linear else "log")
+    axes.axhline(
+        chart.broken,
+        color="gray",
+        linestyle=":",
+        linewidth=1,
+        label=f"broken above {chart.broken:g}",
+    )
+    axes.set(
+        title=chart.title,
+        xlabel=chart.x,
+        ylabel=chart.y,
+        yscale="log",
+        xscale="linear" if chart.linear else "log",
+    )
     axes.grid(alpha=0.25)
     axes.legend(fontsize=7.5)
     figure.savefig(path, dpi=110)
@@ -82,7 +97,12 @@ def _draw_curve(axes: Any, curve: Curve, chart: Chart, k: int) -> None:
     at = breaking(curve, chart)
     # One dash for each precision, so that a method keeps its colour only if it is alone
     (drawn,) = axes.plot(
-        curve.x, y, "--" if "double" in curve.label else "-", marker=".", markersize=4, label=told_break(curve, chart)
+        curve.x,
+        y,
+        "--" if "double" in curve.label else "-",
+        marker=".",
+        markersize=4,
+        label=told_break(curve, chart),
     )
     if at is not None and np.isfinite(y[at]):
         axes.plot(curve.x[at], y[at], "o", markersize=10, fillstyle="none", color=drawn.get_color())
@@ -91,7 +111,18 @@ def _draw_curve(axes: Any, curve: Curve, chart: Chart, k: int) -> None:
 def _write_csv(path: Path, results: Sequence[Result]) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(["number", "case", "precision", "check", "error", "bound", "result", "seconds of the case"])
+        writer.writerow(
+            [
+                "number",
+                "case",
+                "precision",
+                "check",
+                "error",
+                "bound",
+                "result",
+                "seconds of the case",
+            ]
+        )
         for result in results:
             for check in result.checks:
                 verdict = "pass" if check.passed else "FAIL"
@@ -113,7 +144,9 @@ def _page(results: Sequence[Result], charts: dict[int, tuple[str, list[str]]]) -
     cases = list(dict.fromkeys(result.case for result in results))
     failed = sum(not result.passed for result in results)
     checks = sum(len(result.checks) for result in results)
-    verdict = f"<span class=FAIL>{failed} failed</span>" if failed else "<span class=pass>all pass</span>"
+    verdict = (
+        f"<span class=FAIL>{failed} failed</span>" if failed else "<span class=pass>all pass</span>"
+    )
     parts = [
         f"<!doctype html><html lang=en><meta charset=utf-8><title>whitted: stress suite</title><style>{STYLE}</style>",
         "<h1>Where ray tracing is hard</h1>",
@@ -125,11 +158,17 @@ def _page(results: Sequence[Result], charts: dict[int, tuple[str, list[str]]]) -
         own = [result for result in results if result.case is case]
         parts.append(f"<h2 id=case{case.number}>{case.number}. {html.escape(case.name)}</h2>")
         parts.append(f"<p>Right: {html.escape(case.answer)}.<br>Bound: {html.escape(case.why)}")
-        parts.append(f"<br>Limit of single precision: {html.escape(case.limit)}.</p>" if case.limit else "</p>")
+        parts.append(
+            f"<br>Limit of single precision: {html.escape(case.limit)}.</p>"
+            if case.limit
+            else "</p>"
+        )
         parts += [_table(result) for result in own]
         if case.number in charts:
             name, breaks = charts[case.number]
-            parts.append(f"<p><img src='{name}' alt='{html.escape('; '.join(breaks), quote=True)}'></p>")
+            parts.append(
+                f"<p><img src='{name}' alt='{html.escape('; '.join(breaks), quote=True)}'></p>"
+            )
     return "\n".join(parts) + "\n</html>\n"
 
 

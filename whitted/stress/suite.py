@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import edges, images, input, optics, paths, rays
 from ..core.arrays import PRECISIONS
+from . import edges, images, input, optics, paths, rays
 from .case import Case, Check
 
 MODULES = (rays, optics, paths, images, edges, input)
-CASES: tuple[Case, ...] = tuple(sorted((case for module in MODULES for case in module.CASES), key=lambda case: case.number))
+CASES: tuple[Case, ...] = tuple(
+    sorted((case for module in MODULES for case in module.CASES), key=lambda case: case.number)
+)
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,9 @@ def slug(case: Case) -> str:
     return case.name.lower().replace(" ", "-")
 
 
-def run(cases: Iterable[Case], report: Callable[[Result], None] = lambda result: None) -> list[Result]:
+def run(
+    cases: Iterable[Case], report: Callable[[Result], None] = lambda result: None
+) -> list[Result]:
     """Run cases in both precisions.
 
     Args:
@@ -78,7 +82,9 @@ def run(cases: Iterable[Case], report: Callable[[Result], None] = lambda result:
             try:
                 for check in case.checks(precision):
                     checks.append(check)
-            except Exception as error:  # whatever a case does wrong is its own failure, and not that of the suite
+            except (
+                Exception
+            ) as error:  # whatever a case does wrong is its own failure, and not that of the suite
                 checks.append(Check(f"{type(error).__name__}: {error}", np.nan, 0))
             results.append(Result(case, precision.name, tuple(checks), time.perf_counter() - start))
             report(results[-1])
@@ -86,11 +92,14 @@ def run(cases: Iterable[Case], report: Callable[[Result], None] = lambda result:
 
 
 def line(result: Result) -> str:
-    """A result as a line of the table, of the check that is nearest to its bound; each failed check has one of its own."""
+    """A result as a line of the table, of the check that is nearest to its bound; each failed check
+    has one of its own.
+    """
     case = f"{result.case.number:>3} {result.case.name:24} {result.precision:6}"
     failed = [check for check in result.checks if not check.passed] or [result.tightest]
     return "\n".join(
-        f"{case} {check.error:9.2e} {check.bound:9.2e} {'pass' if check.passed else 'FAIL'}  {check.what}" for check in failed
+        f"{case} {check.error:9.2e} {check.bound:9.2e} {'pass' if check.passed else 'FAIL'}  {check.what}"
+        for check in failed
     )
 
 

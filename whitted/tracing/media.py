@@ -1,4 +1,6 @@
-"""The media on both sides of a surface: a point is filled by the smallest transparent primitive that contains it."""
+"""The media on both sides of a surface: a point is filled by the smallest transparent primitive
+that contains it.
+"""
 
 import math
 
@@ -12,13 +14,16 @@ from ..scene.scene import Scene
 from ..shapes.sets import Medium
 from .surface import Surface, lookup
 
-Fills = dict[str, tuple[Array, Array]]  # material to its index of refraction, and whether it is transparent
+Fills = dict[
+    str, tuple[Array, Array]
+]  # material to its index of refraction, and whether it is transparent
 
 
 def relative_index(scene: Scene, at: Surface) -> Array:
     """eta = n_incident / n_transmitted.
 
-    Behind an opaque surface, which reflects like a polished dielectric, is its material's own index.
+    Behind an opaque surface, which reflects like a polished dielectric, is its material's own
+    index.
     """
     fills = {m.name: (m.ior, _is_clear(m)) for m in scene.used if may(scene, m, "refraction")}
     inside, own = at.hit.inside, _own_medium(at, fills)
@@ -26,15 +31,25 @@ def relative_index(scene: Scene, at: Surface) -> Array:
     if alone and not coats(scene):
         return dr.select(inside, own.ior, 1) / dr.select(inside, 1, own.ior)
     outer = _outer_medium(scene, at, fills)
-    smaller = (own.extent < outer.extent) | ((own.extent == outer.extent) & (own.index < outer.index))
+    smaller = (own.extent < outer.extent) | (
+        (own.extent == outer.extent) & (own.index < outer.index)
+    )
     inner_ior = dr.select((own.index != NONE) & smaller, own.ior, outer.ior)
     eta = dr.select(inside, inner_ior, outer.ior) / dr.select(inside, outer.ior, inner_ior)
     if not coats(scene):
         return eta
-    coated = scene.features.coated
-    polished = any_true((at.of[m.name] for m in scene.used if m.name in coated), at.hits)
-    ior = lookup(scene, at, "ior", lambda m: m.name in coated)
+    coated = [m for m in scene.used if m.name in scene.features.coated]
+    polished = any_true((_is_polished(at, m) for m in coated), at.hits)
+    ior = lookup(scene, at, "ior", lambda m: m.name in scene.features.coated)
     return dr.select(polished, outer.ior / dr.select(polished, ior, 1), eta)
+
+
+def _is_polished(at: Surface, material: Material) -> Array:
+    """Whether a surface is of an opaque material, which fills nothing; from within it does while it
+    may become glass.
+    """
+    here = at.of[material.name]
+    return here & ~at.hit.inside if dr.grad_enabled(material.refraction) else here
 
 
 def _is_clear(material: Material) -> Array:

@@ -23,25 +23,33 @@ class Limits:
     max_depth: int  # nodes on the longest chain
     depth: Array  # UInt32: the same, opaque to the kernel
     importance: Array | None  # a child whose product of weights is below it is not traced
-    faint: Array = None  # edges at nodes whose product of weights is below it are left to the samples
+    faint: Array = (
+        None  # edges at nodes whose product of weights is below it are left to the samples
+    )
 
 
-# What a word holds: the primitive that the ray starts on, whether it leaves into it, marks of a walk, and the depth
+# What a word holds: the primitive that the ray starts on, whether it leaves into it, marks of a
+# walk, and the depth
 SOURCE, INWARD, DEPTH = 0xFFFF, 1 << 16, 22
-# Marks: of a walk that follows a path, the ray is on the way to the path's node, or comes after it; of a walk in reverse
-# mode, a node goes on with its first child, has both, and something changes on the way to it
+# Marks: of a walk that follows a path, the ray is on the way to the path's node, or comes after it;
+# of a walk in reverse mode, a node goes on with its first child, has both, and something changes on
+# the way to it
 ON, BELOW, FIRST, BOTH, MOVES = (1 << bit for bit in range(17, 22))
 
 
 @dataclass
 class Link:
-    """What is known of a ray besides its line, in one integer (not frozen: Dr.Jit's loops write to their state)."""
+    """What is known of a ray besides its line, in one integer (not frozen: Dr.Jit's loops write to
+    their state).
+    """
 
     word: Array  # UInt32
 
     @staticmethod
     def of(source: Array, inward: Array, depth: Array | int = 0) -> "Link":
-        """A ray that starts on a primitive, leaves into it or not, and arrives at a node of some depth."""
+        """A ray that starts on a primitive, leaves into it or not, and arrives at a node of some
+        depth.
+        """
         uint = dr.uint32_array_t(inward)
         return Link(source | dr.select(inward, uint(INWARD), 0) | (uint(depth) << DEPTH))
 
@@ -79,7 +87,9 @@ class Node:
         width = dr.width(ray)
         nothing = dr.zeros(type(ray.o), width)
         weight, depth = dr.ones(dr.value_t(ray.o), width), dr.ones(type(ray.source), width)
-        return Node(ray.o + nothing, ray.d + nothing, weight, Link.of(ray.source, ray.inward, depth))
+        return Node(
+            ray.o + nothing, ray.d + nothing, weight, Link.of(ray.source, ray.inward, depth)
+        )
 
     @property
     def ray(self) -> Ray:
@@ -125,7 +135,8 @@ class Visit:
 
 
 def visit(scene: Scene, node: Node, limits: Limits, hit: Hit | None = None) -> Visit:
-    """Find the surface that a node's ray meets, if it is not known, and the rays that leave from it.
+    """Find the surface that a node's ray meets, if it is not known, and the rays that leave from
+    it.
 
     The search is detached; all else is differentiable in the scene and the node.
     """
@@ -169,7 +180,13 @@ def scatter(scene: Scene, ray: Ray, at: Surface) -> list[Branch]:
 
 
 def _branch(
-    scene: Scene, at: Surface, field: str, weight: Array, coefficient: Array, direction: Array, inward: Array
+    scene: Scene,
+    at: Surface,
+    field: str,
+    weight: Array,
+    coefficient: Array,
+    direction: Array,
+    inward: Array,
 ) -> Branch:
     """A child, active where its weight is not 0, or where a 0 is being differentiated.
 

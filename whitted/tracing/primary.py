@@ -1,4 +1,6 @@
-"""From the camera to rays: the image position (x, y) is in pixels, x right in [0, width], y down in [0, height]."""
+"""From the camera to rays: the image position (x, y) is in pixels, x right in [0, width], y down in
+[0, height].
+"""
 
 from dataclasses import dataclass
 
@@ -11,7 +13,9 @@ from ..scene.camera import Camera
 
 @dataclass(frozen=True)
 class CameraFrame:
-    """A camera made ready for a resolution: direction = normalize(forward + u right + v up), u and v in [-1, 1]."""
+    """A camera made ready for a resolution: direction = normalize(forward + u right + v up), u and
+    v in [-1, 1].
+    """
 
     origin: Array
     forward: Array

@@ -2,10 +2,10 @@
 
     L(ray, depth) = emitted + w_r L(reflected, depth + 1) + w_t L(refracted, depth + 1)
 
-The binary tree of rays is walked depth first by one loop with a small stack, reflection before refraction. A packet
-of rays takes as many steps as the largest tree among its rays has nodes, and a node is compiled once, whatever the
-depth. Scenes in which no material both reflects and refracts get a chain without a stack, and scenes with neither a
-single node without a loop.
+The binary tree of rays is walked depth first by one loop with a small stack, reflection before
+refraction. A packet of rays takes as many steps as the largest tree among its rays has nodes, and a
+node is compiled once, whatever the depth. Scenes in which no material both reflects and refracts
+get a chain without a stack, and scenes with neither a single node without a loop.
 
 Source: T. Whitted, "An Improved Illumination Model for Shaded Display", CACM 23(6), 1980.
 """
@@ -24,7 +24,8 @@ from .shading import emitted
 from .stack import Stack
 
 State = TypeVar("State")
-# From a node and what has been found so far: what is found now, the node's children, and which of them to go on with
+# From a node and what has been found so far: what is found now, the node's children, and which of
+# them to go on with
 Step = Callable[[Any, State], tuple[State, list[Any], list[Array]]]
 
 
@@ -45,7 +46,9 @@ def radiance(scene: Scene, ray: Ray, limits: Limits) -> Array:
         light = dr.fma(node.weight, emitted(scene, node.ray, seen.at), light)
         return light, seen.children, seen.traced
 
-    return walk(scene, limits, Node.first(ray), dr.zeros(type(ray.o), dr.width(ray)), step, "radiance")
+    return walk(
+        scene, limits, Node.first(ray), dr.zeros(type(ray.o), dr.width(ray)), step, "radiance"
+    )
 
 
 def walk(scene: Scene, limits: Limits, root: Any, state: State, step: Step, label: str) -> State:
@@ -76,7 +79,8 @@ def walk(scene: Scene, limits: Limits, root: Any, state: State, step: Step, labe
 
 
 def _go_on(stack: Stack, active: list[Array], children: list[Any]) -> tuple[Stack, Array, Any]:
-    """Go on with a node's first active child, and where it has none with the child that was put off last.
+    """Go on with a node's first active child, and where it has none with the child that was put off
+    last.
 
     Returns:
         The stack, whether there is a node to go on with, and the node.

@@ -1,7 +1,9 @@
-"""What a surface sends back of itself: ambient light, and each light's Lambert and Blinn-Phong terms, shadowed.
+"""What a surface sends back of itself: ambient light, and each light's Lambert and Blinn-Phong
+terms, shadowed.
 
-Source: T. Whitted, "An Improved Illumination Model for Shaded Display", CACM 23(6), 1980; the half vector is from
-J. F. Blinn, "Models of Light Reflection for Computer Synthesized Pictures", SIGGRAPH 1977.
+Source: T. Whitted, "An Improved Illumination Model for Shaded Display", CACM 23(6), 1980; the half
+vector is from J. F. Blinn, "Models of Light Reflection for Computer Synthesized Pictures", SIGGRAPH
+1977.
 """
 
 import drjit as dr
@@ -16,7 +18,9 @@ from .surface import Surface, albedo, lookup
 
 
 def emitted(scene: Scene, ray: Ray, at: Surface) -> Array:
-    """Radiance along the ray without its reflected and refracted children; the background where it hits nothing."""
+    """Radiance along the ray without its reflected and refracted children; the background where it
+    hits nothing.
+    """
     color = albedo(scene, at)
     radiance = scene.ambient * color if "ambient" in scene.features.live else type(at.p)(0)
     gloss = highlight(scene, at) if glossy(scene) else None

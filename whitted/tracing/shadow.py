@@ -21,7 +21,9 @@ class Incident:
     cosine: Array  # of the angle between the direction to the light and the normal
     ray: ShadowRay  # detached
     blocked: Array  # Bool: something keeps all of the light away
-    transmitted: Array | None  # what other things leave of it; None in a scene where all shadows are full
+    transmitted: (
+        Array | None
+    )  # what other things leave of it; None in a scene where all shadows are full
     veil: Array | None  # UInt32: a hash of the things that it shines through; None likewise
 
     @property

@@ -11,9 +11,13 @@ from ..core.pytree import leaves, like
 
 @dataclass
 class Stack:
-    """Entries of one structure: tuples or dataclasses of arrays (not frozen: Dr.Jit's loops write to their state)."""
+    """Entries of one structure: tuples or dataclasses of arrays (not frozen: Dr.Jit's loops write
+    to their state).
+    """
 
-    size: Array  # UInt32, as wide as the wavefront: an index of width 1 counts as equal in all lanes
+    size: (
+        Array  # UInt32, as wide as the wavefront: an index of width 1 counts as equal in all lanes
+    )
     slots: tuple  # one local buffer for each array of an entry
     capacity: int
 
@@ -31,8 +35,8 @@ class Stack:
     def push(self, active: Array, entry: Any) -> "Stack":
         """Add an entry in the active lanes; a full stack drops it.
 
-        Without this limit in its code, a kernel could run with the smaller buffers of another: Dr.Jit takes two kernels
-        for one that differ in nothing but the sizes of local buffers.
+        Without this limit in its code, a kernel could run with the smaller buffers of another:
+        Dr.Jit takes two kernels for one that differ in nothing but the sizes of local buffers.
         """
 
         def write(stack, *parts):
@@ -48,7 +52,11 @@ class Stack:
 
         def read(stack, *_):
             top = stack.size - 1
-            return Stack(top, stack.slots, stack.capacity), *(slot.read(top) for slot in stack.slots)
+            return Stack(top, stack.slots, stack.capacity), *(
+                slot.read(top) for slot in stack.slots
+            )
 
-        stack, *parts = dr.if_stmt((self, *leaves(other)), active, read, lambda *unchanged: unchanged)
+        stack, *parts = dr.if_stmt(
+            (self, *leaves(other)), active, read, lambda *unchanged: unchanged
+        )
         return stack, like(other, parts)

@@ -24,10 +24,12 @@ class Surface:
 
 
 def surface(scene: Scene, ray: Ray, hit: Hit) -> Surface:
-    """The surface at a hit, differentiable in the scene and the ray although the hit itself is detached.
+    """The surface at a hit, differentiable in the scene and the ray although the hit itself is
+    detached.
 
-    The distance is the root of a level function F(o + t d) = 0, so its derivative is -dF / (grad F . d) (the implicit
-    function theorem): one primitive's parameters enter, however many the search looked at.
+    The distance is the root of a level function F(o + t d) = 0, so its derivative is -dF / (grad F
+    . d) (the implicit function theorem): one primitive's parameters enter, however many the search
+    looked at.
     """
     hits = hit.index != NONE
     shape = pick(scene.sets, hit.index, scene.background)
@@ -42,7 +44,9 @@ def surface(scene: Scene, ray: Ray, hit: Hit) -> Surface:
 
 
 def _attach_distance(shape: Picked, ray: Ray, hits: Array, p: Array) -> Array:
-    """The point p, moved along the ray by the (zero) Newton step that carries the distance's derivative."""
+    """The point p, moved along the ray by the (zero) Newton step that carries the distance's
+    derivative.
+    """
     level, gradient = shape.of(lambda shape: shape.implicit(p))
     slope = dr.dot(dr.detach(gradient), dr.detach(ray.d))
     step = (dr.detach(level) - level) / dr.select(slope == 0, 1, slope)
