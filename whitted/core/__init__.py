@@ -1,1 +1,1 @@
-"""What every other room stands on: arrays, rays, parameters, and the way to and from NumPy."""
+"""What all other rooms stand on: arrays, rays, parameters, and the way to NumPy and back."""

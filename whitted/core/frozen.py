@@ -1,10 +1,9 @@
-"""Functions whose kernels are recorded once and then replayed, which skips tracing their Python
-code.
+"""Functions whose kernels are recorded once and replayed later, without tracing the Python code.
 
-Dr.Jit's `freeze` walks through arguments and results while it holds the lock of all its arrays, and
-it runs Python there for dataclasses and for comparisons. Should another thread's turn come just
-then, that thread's next work on an array waits for the lock, and both wait forever. So `freeze` is
-given a list of arrays alone; all else is done before and after.
+Dr.Jit's `freeze` walks through arguments and results while it holds the lock of all its arrays. For
+dataclasses and for comparisons it runs Python there. If another thread takes over just then, its
+next work on an array waits for the lock, and both threads wait forever. So `freeze` is given a list
+of arrays and nothing else; the rest is done before and after.
 """
 
 from collections.abc import Callable, Hashable
@@ -22,8 +21,9 @@ Result = TypeVar("Result")
 def frozen(function: Callable[..., Result]) -> Callable[..., Result]:
     """Record the function for each structure of its arguments.
 
-    Arguments, by position, and results are made of tuples, dictionaries and dataclasses of arrays,
-    and of values that can be hashed. Another such value is another recording.
+    Arguments are given by position. They and the results are made of tuples, dictionaries and
+    dataclasses of arrays, and of values that can be hashed. Another such value is another
+    recording; other arrays are not.
     """
     recordings: dict[Hashable, _Recording] = {}
 
@@ -42,7 +42,7 @@ def frozen(function: Callable[..., Result]) -> Callable[..., Result]:
 class _Recording:
     """A function of arguments of one structure.
 
-    Dr.Jit looks at it as at any value that a function captures, and sees no array in it.
+    Dr.Jit searches what a function captures for arrays; in this object it finds none.
     """
 
     def __init__(self, function: Callable, structure: Hashable) -> None:

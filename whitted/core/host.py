@@ -1,7 +1,7 @@
 """The way between NumPy's arrays and those of kernels.
 
-Kernels are compiled for arrays of a certain alignment, and want more than one lane. So what NumPy
-hands over is copied into Dr.Jit's own memory, and filled up to whole packets.
+Kernels are compiled for arrays of a certain alignment and of more than one lane. So what NumPy hands
+over is copied into Dr.Jit's own memory, and filled up to whole packets.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,7 +14,7 @@ from drjit.llvm import ad
 
 from .arrays import Array
 
-# Lanes of a packet: those of the widest vector instructions
+# Lanes of a packet, as many as the widest vector instructions have. Fewer would leave some idle.
 PACKET = 16
 # Dr.Jit's type for each of NumPy's
 TYPES = {
@@ -46,8 +46,9 @@ def to_array(array: np.ndarray, length: int) -> Array:
 
 
 def to_numpy(value: Any) -> Any:
-    """Dr.Jit's arrays, those in dataclasses too, as NumPy's; a tuple of components for a vector.
-    Waits for all kernels.
+    """Dr.Jit's arrays, also those in dataclasses, as NumPy's. Waits for the kernels that make them.
+
+    A vector becomes a tuple of its components.
     """
     if is_dataclass(value) and not isinstance(value, type):
         return type(value)(**{name: to_numpy(part) for name, part in vars(value).items()})

@@ -1,4 +1,4 @@
-"""Small functions that keep floating point honest.
+"""Small functions that keep numbers finite and sums exact.
 
 Source of the error-free sum: T. J. Dekker, "A Floating-Point Technique for Extending the Available
 Precision" (1971).

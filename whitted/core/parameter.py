@@ -1,10 +1,9 @@
-"""What a scene's things say of their own numbers: one table of parameters, from which all else is
-made.
+"""The one table of parameters: what each kind of thing says of its own numbers.
 
-A class of things (a shape, a light, a material, the camera) is a dataclass. A field that is a
-`parameter` has a name, a size, a range and a scale; one that is a `setting` can be written in a
-file, but not differentiated. The checks of files and of `Scene.replace`, the names of parameters, a
-fit's bounds and its steps are all read from these fields.
+A kind of thing (a shape, a light, a material, the camera) is a dataclass. A field that is a
+`parameter` has a size, a legal range and a scale; images are differentiable by it. A field that is a
+`setting` can be written in a file, but has no derivative. All else is read from these fields: the
+names of parameters, the checks of files and of `Scene.replace`, and the bounds and steps of a fit.
 """
 
 import dataclasses
@@ -17,14 +16,14 @@ from typing import Any, Literal
 # The largest number that is taken: squares of all lengths, and their reciprocals, fit single
 # precision
 LARGEST = 1e18
-# How far a number may overstep a closed end in `Scene.replace`: steps of differences and of
-# optimisers do, and the image goes on smoothly there
+# How far a number may overstep a closed end in `Scene.replace`. Steps of optimisers and of central
+# differences do, and the image goes on smoothly there; a larger value would let mistakes pass.
 OVERSTEP = 0.01
 
 
 @dataclass(frozen=True)
 class Range:
-    """The numbers that have a meaning, and how a message calls them: one number, or each of three."""
+    """The numbers that have a meaning, and how a message names one of them, or three."""
 
     one: str
     three: str = ""
@@ -56,16 +55,18 @@ DIRECTION = Range("", "three finite numbers", direction=True)
 
 @dataclass(frozen=True)
 class Scale:
-    """A large change of a number: a part of something."""
+    """A large change of a number, as a part of something: the longest step of a fit.
+
+    Of "one", of the parameter's own "value", of the "radius" of the same shape, or of the "view":
+    the distance from the camera's position to what it looks at.
+    """
 
     part: float
     of: Literal["one", "value", "radius", "view"]
-    # "value": the parameter itself; "radius": that of the same thing; "view": the distance of the
-    # eye from what it looks at
 
 
-# Directions and numbers between 0 and 1
-SMALL_NUMBER = Scale(0.2, "one")
+# Of directions, and of numbers between 0 and 1
+A_FIFTH = Scale(0.2, "one")
 
 
 @dataclass(frozen=True)
@@ -76,15 +77,15 @@ class Parameter:
     legal: Range
     usual: Range  # where a fit looks for it
     scale: Scale
-    default: Any  # MISSING where a file must give it
-    neutral: float | None  # with this value the scene looks as if there were no such parameter
+    default: Any  # REQUIRED where a file must give it
+    neutral: float | None  # the value with which the code that reads it can be left out
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What a file may say of a thing, and no gradient can change."""
+    """What a file may say of a thing, without a derivative."""
 
-    kind: Any  # the type that pydantic is to check
+    kind: Any  # the type that pydantic checks
     default: Any
 
 
@@ -96,7 +97,7 @@ def parameter(
     legal: Range = ANY,
     *,
     usual: Range | None = None,
-    scale: Scale = SMALL_NUMBER,
+    scale: Scale = A_FIFTH,
     default: Any = REQUIRED,
     neutral: float | None = None,
 ) -> Any:
@@ -111,14 +112,14 @@ def setting(kind: Any, default: Any = REQUIRED) -> Any:
 
 
 @cache
-def parameters_of(kind: Any) -> Mapping[str, Parameter]:
-    """The parameters of a class of things, by field."""
+def parameters_of(kind: type) -> Mapping[str, Parameter]:
+    """The parameters of a kind of thing, by field."""
     return {field.name: field.metadata["parameter"] for field in _fields(kind, "parameter")}
 
 
 @cache
-def settings_of(kind: Any) -> Mapping[str, Setting]:
-    """The settings of a class of things, by field."""
+def settings_of(kind: type) -> Mapping[str, Setting]:
+    """The settings of a kind of thing, by field."""
     return {field.name: field.metadata["setting"] for field in _fields(kind, "setting")}
 
 

@@ -1,6 +1,4 @@
-"""Nested tuples, dictionaries and dataclasses of arrays: taken apart into a flat list, and put
-together again.
-"""
+"""Nested tuples, dictionaries and dataclasses of arrays, taken apart and put together again."""
 
 from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import is_dataclass

@@ -11,9 +11,7 @@ from .light import Light, Toward
 
 @dataclass(frozen=True)
 class DirectionalLight(Light):
-    """Light that travels along one direction, a unit vector in kernels (`prepared`), with the same
-    irradiance everywhere.
-    """
+    """Light that travels along one direction, with the same irradiance everywhere."""
 
     name: str
     direction: Array = parameter(3, DIRECTION)

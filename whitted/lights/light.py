@@ -1,4 +1,4 @@
-"""What every light can do. As for shapes, arrays are of one light, or of one light a lane."""
+"""What every light can do."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from ..core.arrays import Array
 
-Self = TypeVar("Self", bound="Light")
+Own = TypeVar("Own", bound="Light")
 
 
 @dataclass
@@ -20,9 +20,7 @@ class Toward:
 
 
 class Light(ABC):
-    """A light without an extent, so that shadows are hard. Each subclass is a frozen dataclass with
-    a name.
-    """
+    """A light without extent, so that shadows are hard: a frozen dataclass with a name."""
 
     name: str
 
@@ -38,6 +36,6 @@ class Light(ABC):
     def arriving(self, toward: Toward) -> Array:
         """Array3f: the irradiance of a surface that faces the light."""
 
-    def prepared(self: Self) -> Self:
-        """The light with unit vectors for its directions."""
+    def prepared(self: Own) -> Own:
+        """The light with unit vectors for its directions, as kernels take it."""
         return self

@@ -12,8 +12,10 @@ from .light import Light, Toward
 
 @dataclass(frozen=True)
 class PointLight(Light):
-    """A light at a point. Its intensity is in W/sr a channel, or, without falloff, the irradiance
-    at any distance.
+    """A light at a point.
+
+    Its intensity is radiant intensity, in W/sr a channel; with the falloff "none" it is the
+    irradiance at any distance.
     """
 
     name: str

@@ -6,14 +6,14 @@ one primitive a lane (`Picked`), on which the rest of the tracer works, however 
 there are.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
 
 from ..core.arrays import Array, any_true, select
-from ..core.parameter import parameters_of
+from ..core.parameter import POSITIVE, Parameter, parameters_of
 from ..core.ray import NONE, Ray, ShadowRay
 from .shape import Shape
 
@@ -49,32 +49,29 @@ class ShapeSet:
         """Whether a primitive is of this set."""
         return (index >= self.first) & (index < self.first + self.count)
 
-    def pick(self, index: Array, blank: Shape) -> Shape:
-        """The primitive of this number, one a lane, and a blank one where none of the set has the
-        number.
-        """
-        chosen = {}
-        for field in parameters_of(self.kind):
-            table = ((number, getattr(shape, field)) for number, shape in self.members)
-            chosen[field] = select(index, table, getattr(blank, field))
-        return replace(self._template(blank), **chosen)
+    def pick(self, index: Array, color: Any) -> Shape:
+        """The primitive of this number, one a lane; some legal one in lanes of another number.
 
-    def _template(self, blank: Shape) -> Any:
-        """What of the picked primitive is not a parameter: one that is computed with care makes all
-        careful.
+        Args:
+            color: any colour, whose types are taken.
         """
-        return next((shape for _, shape in self.members if shape.compensated), blank)
+        fields = {}
+        for field, entry in parameters_of(self.kind).items():
+            table = ((number, getattr(shape, field)) for number, shape in self.members)
+            fields[field] = select(index, table, _blank(entry, color))
+        picked: Any = self.kind("", "", **fields)  # type: ignore[call-arg]
+        careful = any(shape.compensated for _, shape in self.members)
+        return replace(picked, compensated=True) if careful else picked
 
     def closest(self, ray: Ray, hit: Hit) -> Hit:
         """The nearest primitive along a ray, where it is nearer than a hit."""
+        t, index, inside = hit.t, hit.index, hit.inside
         for number, shape in self.members:
-            t, meets, within = shape.distance(ray, ray.source == number)
-            nearer = meets & (t < hit.t)
-            inside = (
-                dr.select(nearer, within, hit.inside) if self.kind.closed else hit.inside & ~nearer
-            )
-            hit = Hit(dr.select(nearer, t, hit.t), dr.select(nearer, number, hit.index), inside)
-        return hit
+            distance, meets, within = shape.distance(ray, ray.source == number)
+            nearer = meets & (distance < t)
+            t, index = dr.select(nearer, distance, t), dr.select(nearer, number, index)
+            inside = dr.select(nearer, within, inside) if self.kind.closed else inside & ~nearer
+        return Hit(t, index, inside)
 
     def blocked(self, ray: ShadowRay, materials: Collection[str]) -> Array:
         """Whether any primitive of some materials crosses the segment to a light."""
@@ -98,24 +95,20 @@ class ShapeSet:
     def flipped(
         self, a: ShadowRay, b: ShadowRay, materials: Collection[str], best: tuple[Array, Array]
     ) -> tuple[Array, Array]:
-        """The primitive that crosses one segment to a light and not the other, and is nearest to
-        doing both.
+        """Of the primitives that cross one of two segments to a light the one that is nearest to
+        crossing both.
 
         Args:
-            best: the number of the best primitive so far, and the outline's level on the side that
-                it does not cross.
+            best: the number of the best primitive so far, and the level of its outline for the
+                segment that it does not cross.
         """
         if not self.kind.casts_edges:
             return best
         other, nearest = best
         for number, shape in self.members:
             if shape.material in materials:
-                here, there = (
-                    shape.blocks(a, a.source == number),
-                    shape.blocks(b, b.source == number),
-                )
-                o, d = dr.select(here, b.o, a.o), dr.select(here, b.d, a.d)
-                gap = shape.outline(o, d)
+                here, there = (shape.blocks(ray, ray.source == number) for ray in (a, b))
+                gap = shape.outline(dr.select(here, b.o, a.o), dr.select(here, b.d, a.d))
                 better = (here ^ there) & (gap > nearest)
                 other, nearest = dr.select(better, number, other), dr.select(better, gap, nearest)
         return other, nearest
@@ -131,16 +124,11 @@ class ShapeSet:
         """
         for number, shape in self.members:
             if self.kind.closed and shape.material in fills:
-                ior, clear = fills[shape.material]
-                around = (
-                    (shape.level(p) < 0)
-                    & (but != number)
-                    & clear
-                    & (shape.extent() < medium.extent)
-                )
+                (ior, clear), extent = fills[shape.material], shape.extent()
+                around = (shape.level(p) < 0) & (but != number) & clear & (extent < medium.extent)
                 medium = Medium(
                     dr.select(around, ior, medium.ior),
-                    dr.select(around, shape.extent(), medium.extent),
+                    dr.select(around, extent, medium.extent),
                     dr.select(around, number, medium.index),
                 )
         return medium
@@ -162,16 +150,25 @@ class ShapeSet:
         masks = (index == number for number, shape in self.members if shape.name in names)
         return any_true(masks, index == NONE)
 
-    def _crossed(self, ray: ShadowRay, materials: Collection[str]):
+    def _crossed(
+        self, ray: ShadowRay, materials: Collection[str]
+    ) -> Iterator[tuple[int, str, Array]]:
+        """Number, material, and whether it crosses the segment, of the primitives of some materials."""
         for number, shape in self.members:
             if shape.material in materials:
                 yield number, shape.material, shape.blocks(ray, ray.source == number)
 
 
+def _blank(entry: Parameter, color: Any) -> Array:
+    """A value of a parameter that is legal for every shape."""
+    if entry.legal.direction:
+        return type(color)(0, 1, 0)
+    kind = type(color) if entry.size == 3 else dr.value_t(color)
+    return kind(1 if entry.legal is POSITIVE else 0)
+
+
 def _scattered(number: int) -> int:
-    """A number's bits spread over a word, so that sets of primitives have different hashes (Knuth's
-    multiplier).
-    """
+    """A hash of a number (D. Knuth's multiplier)."""
     return (number + 1) * 0x9E3779B1 & 0xFFFFFFFF
 
 
@@ -202,4 +199,4 @@ class Picked:
 
 def pick(sets: Sequence[ShapeSet], index: Array, color: Any) -> Picked:
     """The primitives of these numbers. `color` is any colour, whose types are taken."""
-    return Picked([(one.holds(index), one.pick(index, one.kind.blank(color))) for one in sets])
+    return Picked([(one.holds(index), one.pick(index, color)) for one in sets])

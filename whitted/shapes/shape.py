@@ -1,34 +1,37 @@
 """What every shape can do.
 
-The methods take arrays of one primitive, or of one primitive a lane: after a search each lane works
-on the primitive that its ray has met, whatever the number of primitives in the scene (`sets.py`).
+The methods take arrays of one primitive, or of one primitive a lane. After a search each lane works
+on the primitive that its ray has met, however many primitives the scene has (`sets.py`).
 """
 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Hashable
-from typing import Any, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 from ..core.arrays import Array
 from ..core.ray import Ray, ShadowRay
 
-Self = TypeVar("Self", bound="Shape")
+Own = TypeVar("Own", bound="Shape")
+# Of one parameter
 Numbers = tuple[float, ...]
 
 
 class Shape(ABC):
-    """A primitive, or one a lane. Each subclass is a frozen dataclass with a name, a material and
-    parameters.
-    """
+    """A primitive, or one a lane: a frozen dataclass with a name, a material and parameters."""
 
-    group: ClassVar[str]  # the name of its tables in a file, and of its parameters
-    closed: ClassVar[bool]  # it has an inside, which can be filled with glass
-    flat: ClassVar[bool]  # it can show a checkerboard
-    casts_edges: ClassVar[bool]  # its shadow has an edge of its own
-    rooted: ClassVar[
-        bool
-    ]  # beside its outline radiance changes like the square root of the distance
-    compensated: bool = False  # it is computed with sums that keep their rounding errors
+    # The name of its tables in a file, which is the first part of its parameters' names
+    group: ClassVar[str]
+    # It has an inside, which glass can fill
+    closed: ClassVar[bool]
+    # It can show a checkerboard
+    flat: ClassVar[bool]
+    # Its shadow has an edge that no surface is at
+    casts_edges: ClassVar[bool]
+    # Radiance beside its outline changes like the square root of the distance
+    rooted: ClassVar[bool]
+    # Set in kernels: it is computed with sums that keep their rounding errors
+    compensated: bool = False
 
     name: str
     material: str
@@ -41,62 +44,57 @@ class Shape(ABC):
             on: Bool, the ray starts on this very shape.
 
         Returns:
-            The distance t, whether the ray meets the shape at all, and whether it does so from
-            within.
+            The distance; Bool, whether the ray meets the shape; Bool, whether it does so from within.
         """
 
     @abstractmethod
     def reach(self, ray: Ray, on: Array, inside: Array) -> Array:
-        """The distance to the shape, which a ray meets from within or not, also of a ray that just
-        misses it.
+        """The distance to the shape, also of a ray that just misses it.
+
+        Args:
+            on: Bool, the ray starts on this very shape.
+            inside: Bool, the ray meets it from within.
         """
 
     @abstractmethod
     def blocks(self, ray: ShadowRay, on: Array) -> Array:
-        """Whether the shape crosses the open segment to a light, which may start on this very
-        shape.
+        """Bool: the shape crosses the open segment from a surface to a light.
+
+        Args:
+            on: Bool, the surface is that of this very shape.
         """
 
     @abstractmethod
     def level(self, p: Array) -> Array:
-        """A function of a point that is zero on the shape's surface (or the surface it is cut from), and differs in
-        sign on its two sides."""
+        """A function of a point that is zero on the surface, and changes its sign there."""
 
     @abstractmethod
     def implicit(self, p: Array) -> tuple[Array, Array]:
-        """A level function that is cheap to differentiate, and its gradient by the point."""
+        """Such a function that is cheap to differentiate, and its gradient, which points outward."""
 
     @abstractmethod
     def outline(self, o: Array, d: Array) -> Array:
-        """A function of a line that is zero where the line touches the shape's outline, and
-        positive where it meets it.
+        """A function of a line that is positive where the line meets the shape, and zero where it
+        touches the outline: the level function of silhouettes and of shadow edges.
         """
 
     def extent(self) -> Array:
-        """The size of a closed shape: the smaller of two that overlap fills what both contain.
-        Infinite for others.
-        """
+        """The size of a closed shape: of two that overlap the smaller fills what both contain."""
         return math.inf
 
-    def prepared(self: Self) -> Self:
-        """The shape with unit vectors for its directions."""
+    def prepared(self: Own) -> Own:
+        """The shape with unit vectors for its directions, as kernels take it."""
         return self
 
     @classmethod
-    @abstractmethod
-    def blank(cls: type[Self], color: Any) -> Self:
-        """Some legal shape, with arrays like that of a colour, for lanes that have met none."""
+    def place(cls, *numbers: Numbers) -> Hashable:
+        """Where a shape with these numbers is, in the order of its parameters.
 
-    @staticmethod
-    @abstractmethod
-    def place(*numbers: Numbers) -> Hashable:
-        """Where a shape with these numbers is, in the order of its parameters: two in one place are
-        one object.
+        Two shapes of a kind in the same place are one object.
         """
+        return numbers
 
-    @staticmethod
-    def needs_compensation(eye: Numbers, *numbers: Numbers) -> bool:
-        """Whether single precision needs compensated sums to meet a shape with these numbers from
-        an eye.
-        """
+    @classmethod
+    def needs_compensation(cls, eye: Numbers, *numbers: Numbers) -> bool:
+        """Whether single precision needs compensated sums to meet a shape with these numbers."""
         return False

@@ -1,14 +1,12 @@
 """Spheres.
 
-A sphere's normal points out of it. Source of the stable quadratic: E. Haines, J. Guenther, T.
-Akenine-Moeller, "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems (2019), ch.
-7.
+A sphere's normal points out of it. Source of the stable quadratic: E. Haines, J. Guenther,
+T. Akenine-Moeller, "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems (2019),
+chapter 7.
 """
 
 import math
-from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 
@@ -18,23 +16,24 @@ from ..core.parameter import POSITIVE, Scale, parameter
 from ..core.ray import Ray, ShadowRay
 from .shape import Numbers, Shape
 
-# An eye closer to a sphere than this part of the radius sees squares cancel: of single precision's
-# seven digits, five are left at 1/32, which is what a pixel can show
+# An eye closer to a sphere than this part of the radius needs compensated sums: the level there is a
+# difference of squares, which loses five bits of 24 at 1/32. A larger part makes more scenes slower.
 NEAR = 1 / 32
 
 
 @dataclass(frozen=True)
 class Sphere(Shape):
-    """A sphere; its parameters carry gradients."""
+    """A sphere."""
 
     group = "spheres"
-    closed, flat, casts_edges, rooted = True, False, True, True
+    closed, flat = True, False
+    casts_edges, rooted = True, True
 
     name: str
     material: str
     center: Array = parameter(3, scale=Scale(1, "radius"))
     radius: Array = parameter(1, POSITIVE, scale=Scale(1, "radius"))
-    compensated: bool = False  # set in kernels: sums keep their rounding errors
+    compensated: bool = False
 
     def distance(self, ray: Ray, on: Array) -> tuple[Array, Array, Array]:
         """A ray that starts on the sphere meets it again at 2 b if it goes inward, else never."""
@@ -58,9 +57,10 @@ class Sphere(Shape):
         return dr.select(on, 2 * b, dr.select(inside, b + half, b - half))
 
     def blocks(self, ray: ShadowRay, on: Array) -> Array:
-        """The sphere crosses the segment when one end is in it and the other is not, or when both
-        are outside and the line's nearest point lies between them, in the sphere. No root is taken,
-        so that a light exactly on the sphere casts no noise.
+        """One end of the segment is in the sphere and the other is not; or both are outside, and the
+        line's point nearest to the center lies between them and in the sphere.
+
+        No root is taken, so that a light exactly on the sphere makes no noise.
         """
         b, discriminant = self._chord(ray.o, ray.d)
         starts_in = dr.select(on, ray.inward, self.level(ray.o) < 0)
@@ -72,9 +72,9 @@ class Sphere(Shape):
     def level(self, p: Array) -> Array:
         """|p - center|^2 - radius^2: negative inside, positive outside.
 
-        A `compensated` sphere's is summed with the rounding errors of every step but the last. That
-        keeps it exact to rounding where the plain difference of two large squares has lost every
-        digit.
+        For a `compensated` sphere the sum includes the rounding errors of every step but the last.
+        That keeps it exact to rounding where the plain difference of two large squares has lost
+        every digit.
         """
         square = self.radius * self.radius
         if not self.compensated:
@@ -99,10 +99,10 @@ class Sphere(Shape):
         return self.radius
 
     def _chord(self, o: Array, d: Array) -> tuple[Array, Array]:
-        """Distance along the line (o, d) to the point nearest to the center, and the discriminant.
+        """Distance along a line to its point nearest to the center, and the discriminant.
 
-        The line meets the sphere where the discriminant is positive, its square root before and
-        behind that point.
+        The line meets the sphere if the discriminant is positive: its square root before that point,
+        and as far behind it.
         """
         to_center = self.center - o
         b = dr.dot(to_center, d)
@@ -112,13 +112,6 @@ class Sphere(Shape):
         return b, dr.fma(self.radius, self.radius, -dr.squared_norm(miss))
 
     @classmethod
-    def blank(cls, color: Any) -> "Sphere":
-        return cls("", "", type(color)(0), dr.value_t(color)(1))
-
-    @staticmethod
-    def place(center: Numbers, radius: Numbers) -> Hashable:
-        return center, radius
-
-    @staticmethod
-    def needs_compensation(eye: Numbers, center: Numbers, radius: Numbers) -> bool:
-        return abs(math.dist(eye, center) - radius[0]) < NEAR * radius[0]
+    def needs_compensation(cls, eye: Numbers, *numbers: Numbers) -> bool:
+        center, (radius,) = numbers
+        return abs(math.dist(eye, center) - radius) < NEAR * radius

@@ -1,0 +1,65 @@
+"""Flat shapes: parts of a plane, without thickness. Both sides show.
+
+A flat shape has a `normal`, a unit vector in kernels. Its `level` is the signed distance from its
+plane, and `covers` tells which part of the plane it is.
+"""
+
+import math
+from abc import abstractmethod
+from collections.abc import Hashable
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import drjit as dr
+
+from ..core.arrays import Array
+from ..core.parameter import parameters_of
+from ..core.ray import Ray, ShadowRay
+from .shape import Numbers, Shape
+
+Own = TypeVar("Own", bound="FlatShape")
+
+
+class FlatShape(Shape):
+    """A part of a plane."""
+
+    closed, flat = False, True
+
+    normal: Array
+
+    @abstractmethod
+    def covers(self, o: Array, d: Array, t: Array) -> Array:
+        """Bool: the shape goes as far as where a line meets its plane, at the distance t."""
+
+    def distance(self, ray: Ray, on: Array) -> tuple[Array, Array, Array]:
+        t = self.reach(ray, on, on)
+        return t, (t > 0) & self.covers(ray.o, ray.d, t) & ~on, type(on)(False)
+
+    def reach(self, ray: Ray, on: Array, inside: Array) -> Array:
+        """Infinite or NaN along the plane: comparisons with it are false."""
+        return self._meeting(ray.o, ray.d)
+
+    def blocks(self, ray: ShadowRay, on: Array) -> Array:
+        """The ends of the segment lie strictly on the two sides of the plane."""
+        far = dr.dot(self.normal, ray.d) if ray.end is None else self.level(ray.end)
+        crosses = self.level(ray.o) * far < 0
+        return crosses & self.covers(ray.o, ray.d, self._meeting(ray.o, ray.d)) & ~on
+
+    def implicit(self, p: Array) -> tuple[Array, Array]:
+        return self.level(p), self.normal
+
+    def _meeting(self, o: Array, d: Array) -> Array:
+        """The distance at which a line meets the plane."""
+        return -self.level(o) / dr.dot(self.normal, d)
+
+    def prepared(self: Own) -> Own:
+        unit: Any = replace(self, normal=dr.normalize(self.normal))  # type: ignore[type-var]
+        return unit
+
+    @classmethod
+    def place(cls, *numbers: Numbers) -> Hashable:
+        """A flat shape that is turned over is the same shape."""
+        fields = dict(zip(parameters_of(cls), numbers, strict=True))
+        length = math.hypot(*fields["normal"])
+        unit = tuple(x / length for x in fields.pop("normal"))
+        return max(unit, tuple(-x for x in unit)), *fields.values()
