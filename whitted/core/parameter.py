@@ -111,17 +111,17 @@ def setting(kind: Any, default: Any = REQUIRED) -> Any:
     return dataclasses.field(metadata={"setting": Setting(kind, default)})
 
 
-@cache
-def parameters_of(kind: type) -> Mapping[str, Parameter]:
+def parameters_of(kind: Any) -> Mapping[str, Parameter]:
     """The parameters of a kind of thing, by field."""
-    return {field.name: field.metadata["parameter"] for field in _fields(kind, "parameter")}
+    return _entries(kind, "parameter")
+
+
+def settings_of(kind: Any) -> Mapping[str, Setting]:
+    """The settings of a kind of thing, by field."""
+    return _entries(kind, "setting")
 
 
 @cache
-def settings_of(kind: type) -> Mapping[str, Setting]:
-    """The settings of a kind of thing, by field."""
-    return {field.name: field.metadata["setting"] for field in _fields(kind, "setting")}
-
-
-def _fields(kind: Any, entry: str) -> list[dataclasses.Field]:
-    return [field for field in dataclasses.fields(kind) if entry in field.metadata]
+def _entries(kind: Any, what: str) -> dict[str, Any]:
+    fields = dataclasses.fields(kind)
+    return {field.name: field.metadata[what] for field in fields if what in field.metadata}

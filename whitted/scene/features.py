@@ -1,8 +1,8 @@
 """What a scene's kernels have compiled in, derived from its numbers: no more than the scene needs.
 
 A parameter with its neutral value (a weight of 0, a shadow of 1) is left out of the code, unless
-`Scene.replace` has touched it: what an optimiser moves must not compile a kernel anew when it
-passes through that value, and a derivative at the value needs the code.
+`Scene.replace` has touched it. What an optimiser moves must not compile a new kernel when it passes
+through that value, and a derivative at that value needs the code.
 """
 
 from collections.abc import Collection, Hashable
@@ -21,20 +21,31 @@ if TYPE_CHECKING:
 class Features:
     """Facts about a scene that decide what is compiled."""
 
-    live: frozenset[str]  # parameters that have a neutral value, and may have another one
-    coated: frozenset[str]  # materials that are opaque, and reflect like polished dielectrics
-    shadowless: frozenset[str]  # materials of which things keep no light away
-    hidden: frozenset[int]  # primitives that coincide with an earlier one, and are never met
-    compensated: frozenset[int]  # primitives that need sums that keep their rounding errors
+    # Parameters that have a neutral value, and may now have another one
+    live: frozenset[str]
+    # Materials that are opaque and reflect like polished dielectrics
+    coated: frozenset[str]
+    # Materials whose shapes keep no light away
+    shadowless: frozenset[str]
+    # Primitives that coincide with an earlier one, and so are never met
+    hidden: frozenset[int]
+    # Primitives that need sums that keep their rounding errors
+    compensated: frozenset[int]
+
+
+# Beginnings of the names of parameters that tell where the shapes and the eye are
+PLACES = ("camera.position", *(f"{kind.group}." for kind in SHAPES))
 
 
 def features_of(
     scene: "Scene", before: Features | None = None, changed: Collection[str] = ()
 ) -> Features:
-    """The features of a scene with the numbers that it has now.
+    """The features of a scene, from the numbers that it has now.
 
     Args:
-        before: the features that the scene had before the parameters of some names changed.
+        before: the features from before some parameters changed; what cannot have changed since is
+            not computed again.
+        changed: the names of those parameters.
     """
     if before is None or not scene.neutral.keys().isdisjoint(changed):
         of_materials = _of_materials(scene)
@@ -45,10 +56,6 @@ def features_of(
     else:
         of_places = before.hidden, before.compensated
     return Features(*of_materials, *of_places)
-
-
-# What tells where things are
-PLACES = ("camera.position", *(f"{kind.group}." for kind in SHAPES))
 
 
 def _of_materials(scene: "Scene") -> tuple[frozenset[str], frozenset[str], frozenset[str]]:
@@ -86,9 +93,7 @@ def _of_places(scene: "Scene") -> tuple[frozenset[int], frozenset[int]]:
 
 
 def may(scene: "Scene", material: Material, field: str) -> bool:
-    """Whether a material's parameter can have another value than its neutral one, and so is worth
-    compiling.
-    """
+    """Whether a material's parameter can differ from its neutral value, and must be compiled."""
     return f"materials.{material.name}.{field}" in scene.features.live
 
 

@@ -15,7 +15,8 @@ from ..shapes import SHAPES
 from .camera import Camera
 from .material import Material
 from .scene import Scene
-from .schema import SceneTable, default_name, problems
+from .schema import default_name, problems
+from .tables import SceneTable
 from .texture import Checkerboard
 
 if sys.version_info >= (3, 11):
@@ -47,7 +48,10 @@ def load_scene(path: str | Path, precision: str = "single") -> Scene:
     found = [f"{path}: {problem}" for problem in problems(raw)]
     if found:
         raise SceneError("\n".join(found))
-    return _scene(SceneTable.model_validate(raw), named[precision])
+    scene = _scene(SceneTable.model_validate(raw), named[precision])
+    # Read the numbers now: within a function that the user freezes they cannot be read
+    _ = scene.numbers
+    return scene
 
 
 def _parse(path: Path) -> dict[str, Any]:

@@ -16,13 +16,11 @@ Numbers = tuple[float, ...]
 
 @dataclass(frozen=True)
 class Location:
-    """Where a parameter is: a field of the scene, a place in it if it is a tuple, and fields from
-    there on.
-    """
+    """Where in a scene a parameter is."""
 
-    field: str
-    place: int | None
-    path: tuple[str, ...]
+    field: str  # of the scene
+    place: int | None  # in the field, if that is a tuple of things
+    path: tuple[str, ...]  # fields from there on
     entry: Parameter
 
     def read(self, scene: Any) -> Array:
@@ -37,19 +35,18 @@ class Location:
 def locations_in(
     thing: Any, prefix: str, whole: str, place: int | None = None, path: tuple[str, ...] = ()
 ) -> Iterator[tuple[str, Location]]:
-    """Names and places of a thing's parameters, and of those of the things that it has.
+    """Names and locations of a thing's parameters, and of those of the things within it.
 
     Args:
-        whole, place, path: where the thing itself is.
+        prefix: the beginning of the names.
+        whole, place, path: where the thing itself is: `Location`'s field, place and path.
     """
-    for field, entry in parameters_of(type(thing)).items():
-        yield f"{prefix}.{field}", Location(whole, place, (*path, field), entry)
+    for name, entry in parameters_of(type(thing)).items():
+        yield f"{prefix}.{name}", Location(whole, place, (*path, name), entry)
     for field in fields(thing):
-        part = getattr(thing, field.name)
+        part, inner = getattr(thing, field.name), (*path, field.name)
         if is_dataclass(part):
-            yield from locations_in(
-                part, f"{prefix}.{field.name}", whole, place, (*path, field.name)
-            )
+            yield from locations_in(part, f"{prefix}.{field.name}", whole, place, inner)
 
 
 def with_values(thing: Any, values: Mapping[tuple[str, ...], Array]) -> Any:
@@ -111,7 +108,7 @@ def numbers_of(arrays: Mapping[str, Array]) -> dict[str, Numbers]:
 
 
 def check_numbers(numbers: Mapping[str, Numbers], locations: Mapping[str, Location]) -> None:
-    """Refuse numbers that have no meaning, as a step of an optimiser may bring them.
+    """Refuse numbers that have no meaning, which a step of an optimiser may lead to.
 
     Raises:
         ValueError: a number outside of its parameter's range, by more than `OVERSTEP` where the

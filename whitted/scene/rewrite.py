@@ -28,7 +28,8 @@ def rewritten(path: str | Path, parameters: Mapping[str, Any]) -> str:
         import tomlkit
     except ImportError:
         raise RuntimeError(
-            "scenes are written by tomlkit, which is missing; install it with: pip install 'whitted[fit]'"
+            "scenes are written by tomlkit, which is missing; "
+            "install it with: pip install 'whitted[fit]'"
         ) from None
     scene = load_scene(path)
     check_names(parameters, scene.locations)
@@ -43,8 +44,8 @@ def rewritten(path: str | Path, parameters: Mapping[str, Any]) -> str:
 
 def _table(document: Any, scene: Scene, where: Location) -> Any:
     """The table of the file that has a parameter."""
-    if not where.path:
-        return document
+    if where.place is None:
+        return document[where.field] if where.path else document
     if where.field == "shapes":
         kind = type(scene.shapes[where.place])
         before = sum(type(shape) is kind for shape in scene.shapes[: where.place])
@@ -52,7 +53,7 @@ def _table(document: Any, scene: Scene, where: Location) -> Any:
     elif where.field == "materials":
         table = document["materials"][scene.materials[where.place].name]
     else:
-        table = document[where.field] if where.place is None else document[where.field][where.place]
+        table = document[where.field][where.place]
     for part in where.path[:-1]:
         table = table[part]
     return table

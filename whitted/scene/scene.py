@@ -28,18 +28,20 @@ from .parameters import (
 )
 from .structure import Structure
 
-# Nodes on a chain of rays, and things in a scene, that a kernel is compiled for
+# Most nodes on a chain of rays: the local memory of a kernel's stack grows with them
 MAX_DEPTH = 256
+# Most shapes and lights: each is code of its own, and a kernel of 1000 compiles for half a minute
 MAX_OBJECTS = 1000
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A scene, frozen; `replace` makes a new one."""
+    """A scene. It does not change: `replace` makes a new one."""
 
     camera: Camera
     resolution: tuple[int, int]
-    shapes: tuple[Shape, ...]  # by kind, in the order of `SHAPES`, then in that of the file
+    # By kind, in the order of `SHAPES`, then in that of the file
+    shapes: tuple[Shape, ...]
     materials: tuple[Material, ...]
     lights: tuple[Light, ...]
     # Radiance of a ray that leaves the scene
@@ -48,12 +50,17 @@ class Scene:
     ambient: Array = parameter(3, ANY, usual=NON_NEGATIVE, default=0, neutral=0)
     max_depth: int = 5
     min_importance: float = 0.0
-    touched: frozenset[str] = frozenset()  # the parameters that `replace` has changed
-    fixed: Features | None = None  # in a kernel: what it is compiled for
+    # The parameters with a neutral value that `replace` has changed
+    touched: frozenset[str] = frozenset()
+    # In a kernel: the features that it is compiled for
+    fixed: Features | None = None
 
     def parameters(self, *names: str) -> dict[str, Array]:
-        """Copies of the parameters of these names, or of all: scalars of width 1, vectors `Array3f`
-        of width 1.
+        """Copies of the parameters of these names, or of all.
+
+        Returns:
+            Name to a Dr.Jit array of width 1: a `Float`, or an `Array3f` for a vector. In double
+            precision these are a `Float64` and an `Array3f64`.
 
         Raises:
             KeyError: a name that the scene does not have; the message lists the nearest ones.
@@ -98,7 +105,7 @@ class Scene:
         return self._with(**self._changes(values))
 
     def _changes(self, values: Mapping[str, Array]) -> dict[str, Any]:
-        """The fields of the scene that have other arrays, by parameter."""
+        """The fields of the scene that hold other arrays than now, by the names of parameters."""
         fields: dict[str, dict[int | None, dict[tuple[str, ...], Array]]] = {}
         for name, value in values.items():
             where = self.locations[name]
@@ -119,7 +126,7 @@ class Scene:
         return scene
 
     def __getstate__(self) -> dict[str, Any]:
-        """What is pickled and copied: the fields, without what was derived from them."""
+        """What is pickled and copied: the fields, and nothing that was derived from them."""
         return {field.name: self.__dict__[field.name] for field in dataclasses.fields(self)}
 
     @cached_property
@@ -190,15 +197,19 @@ class Scene:
 
     @cached_property
     def sets(self) -> tuple[ShapeSet, ...]:
-        """The shapes that rays can meet, by kind. There is always one set, if an empty one."""
-        sets, careful = [], self.features.compensated
+        """The shapes that rays can meet, by kind. There is at least one set, which may be empty."""
+        sets = []
         for kind in SHAPES:
-            own = [(k, shape) for k, shape in enumerate(self.shapes) if type(shape) is kind]
-            met = [(k, replace(x, compensated=True) if k in careful else x) for k, x in own]
-            met = [(k, shape) for k, shape in met if k not in self.features.hidden]
+            own = [k for k, shape in enumerate(self.shapes) if type(shape) is kind]
             if own:
-                sets.append(ShapeSet(kind, own[0][0], len(own), tuple(met)))
+                met = ((k, self._met(k)) for k in own if k not in self.features.hidden)
+                sets.append(ShapeSet(kind, own[0], len(own), tuple(met)))
         return tuple(sets) or (ShapeSet(SHAPES[0], 0, 0, ()),)
+
+    def _met(self, k: int) -> Shape:
+        """A shape as rays meet it."""
+        shape: Any = self.shapes[k]
+        return replace(shape, compensated=True) if k in self.features.compensated else shape
 
 
 def _is_recording() -> bool:

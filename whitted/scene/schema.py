@@ -1,147 +1,27 @@
-"""What a scene file may say: the keys, their values, and a line for each problem with them.
-
-The tables are made from what the things say of themselves: their parameters and settings
-(`core/parameter.py`).
-"""
+"""What is wrong with a scene file: a line for each problem."""
 
 import difflib
 import json
 import re
-from collections.abc import Callable
-from typing import Annotated, Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Discriminator,
-    Tag,
-    ValidationError,
-    create_model,
-)
+from pydantic import BaseModel, ValidationError
 
-from ..core.parameter import ANY, LARGEST, REQUIRED, UNIT, Range, parameters_of, settings_of
+from ..core.parameter import LARGEST, parameters_of
 from ..lights import LIGHTS
 from ..shapes import SHAPES
-from .camera import Camera
-from .material import Material
-from .scene import MAX_DEPTH, MAX_OBJECTS, Scene
-from .texture import Checkerboard
-
-GROUPS = {kind.group: kind for kind in SHAPES}
-# The type of a light's table without one
-POINT = next(iter(LIGHTS))
-
-
-def _check(
-    expected: str, accepts: Callable[[Any], bool], convert: Callable[[Any], Any]
-) -> BeforeValidator:
-    """A check of a key's value, with what a message says was expected."""
-
-    def check(value: Any) -> Any:
-        if not accepts(value):
-            raise ValueError(f"expected {expected}")
-        return convert(value)
-
-    return BeforeValidator(check)
-
-
-def _numbers(size: int, legal: Range) -> Any:
-    """The type of one number, or of a vector of them, in a range."""
-
-    def is_number(value: Any) -> bool:
-        return (
-            isinstance(value, (int, float)) and not isinstance(value, bool) and legal.holds(value)
-        )
-
-    def is_vector(value: Any) -> bool:
-        return isinstance(value, list) and len(value) == size and all(map(is_number, value))
-
-    expected = legal.expected(size)
-    if size == 1:
-        return Annotated[float, _check(expected, is_number, float)]
-    return Annotated[
-        list[float], _check(expected, is_vector, lambda value: [float(x) for x in value])
-    ]
-
-
-def _is_whole(value: Any, low: int, high: int) -> bool:
-    return type(value) is int and low <= value <= high
-
-
-def _is_resolution(value: Any) -> bool:
-    return (
-        isinstance(value, list) and len(value) == 2 and all(_is_whole(n, 1, 1 << 20) for n in value)
-    )
-
-
-def _is_name(value: Any) -> bool:
-    return isinstance(value, str) and bool(value) and value.isprintable()
-
-
-Vector = _numbers(3, ANY)
-Name = Annotated[str, _check("a name, a string that is not empty", _is_name, str)]
-Depth = Annotated[
-    int, _check(f"a whole number from 1 to {MAX_DEPTH}", lambda n: _is_whole(n, 1, MAX_DEPTH), int)
-]
-Resolution = Annotated[
-    tuple[int, int],
-    _check("[width, height], two whole numbers of pixels > 0", _is_resolution, tuple),
-]
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-def _table(kind: Any, **more: Any) -> type[BaseModel]:
-    """The table of a class of things, with more keys than its parameters and settings."""
-    keys: dict[str, Any] = {}
-    for name, entry in parameters_of(kind).items():
-        default = (
-            entry.default if entry.size == 1 or entry.default is REQUIRED else [entry.default] * 3
-        )
-        keys[name] = (_numbers(entry.size, entry.legal), ... if default is REQUIRED else default)
-    for name, own in settings_of(kind).items():
-        keys[name] = (own.kind, ... if own.default is REQUIRED else own.default)
-    return create_model(f"{kind.__name__}Table", __base__=_Table, **keys, **more)
-
-
-OPTIONAL_NAME = (Name | None, None)
-CameraTable = _table(Camera, up=(Vector, [0, 1, 0]), resolution=(Resolution, ...))
-CheckerTable = _table(Checkerboard)
-MaterialTable = _table(Material, checker=(CheckerTable | None, None))
-SHAPE_TABLES = {
-    group: _table(kind, name=OPTIONAL_NAME, material=(Name, ...)) for group, kind in GROUPS.items()
-}
-LIGHT_TABLES = {
-    name: _table(kind, name=OPTIONAL_NAME, type=(Literal[name], name))
-    for name, kind in LIGHTS.items()
-}
-
-
-def _light_type(value: Any) -> Any:
-    return value.get("type", POINT) if isinstance(value, dict) else POINT
-
-
-def _any_light() -> Any:
-    """A light's table, which its `type` tells."""
-    tables = tuple(Annotated[table, Tag(name)] for name, table in LIGHT_TABLES.items())
-    union: Any = tables[0]
-    for other in tables[1:]:
-        union = union | other
-    return Annotated[union, Discriminator(_light_type)]
-
-
-SceneTable = _table(
-    Scene,
-    max_depth=(Depth, 5),
-    min_importance=(_numbers(1, UNIT), 0),
-    camera=(CameraTable, ...),
-    materials=(dict[Name, MaterialTable], {}),  # type: ignore[valid-type]
-    lights=(list[_any_light()], []),  # type: ignore[misc]
-    **{group: (list[table], []) for group, table in SHAPE_TABLES.items()},  # type: ignore[valid-type]
+from .scene import MAX_OBJECTS
+from .tables import (
+    GROUPS,
+    LIGHT_TABLES,
+    SHAPE_TABLES,
+    CameraTable,
+    CheckerTable,
+    MaterialTable,
+    SceneTable,
+    VectorTable,
+    light_type,
 )
 
 
@@ -159,7 +39,7 @@ def _describe(problem: Any) -> str:
     path, kind = problem["loc"], problem["type"]
     where = _dotted(path)
     if kind == "extra_forbidden":
-        return f"{where}: unknown key{_nearest(str(path[-1]), list(_table_at(path[:-1]).model_fields))}"
+        return f"{where}: unknown key{_nearest(str(path[-1]), _table_at(path[:-1]).model_fields)}"
     if kind == "missing":
         return f"{where}: missing; {_expected(path)}"
     value = _shorten(problem["input"])
@@ -167,9 +47,8 @@ def _describe(problem: Any) -> str:
         return f"{where} = {value}: {problem['ctx']['error']}"
     if kind == "literal_error":
         known = get_args(_table_at(path[:-1]).model_fields[path[-1]].annotation)
-        return (
-            f"{where} = {value}: expected {_choices(known)}{_nearest(str(problem['input']), known)}"
-        )
+        near = _nearest(str(problem["input"]), known)
+        return f"{where} = {value}: expected {_choices(known)}{near}"
     if kind == "union_tag_invalid":
         name = problem["input"]["type"]
         near = _nearest(str(name), LIGHTS)
@@ -222,7 +101,7 @@ def _cross_problems(raw: dict[str, Any]) -> list[str]:
                 found.append(f"{group}[{i}].name = {_shorten(name)}: {taken}")
             if group in GROUPS:
                 found += _material_problems(_as_table(raw.get("materials")), group, i, table)
-            kind: Any = GROUPS.get(group) or LIGHTS.get(_light_type(table))
+            kind: Any = GROUPS.get(group) or LIGHTS.get(light_type(table))
             found += _direction_problems(f"{group}[{i}]", kind, table) if kind else []
     return found
 
@@ -284,13 +163,9 @@ def _camera_problems(camera: dict) -> list[str]:
 
 def _vector_or_none(value: object) -> np.ndarray | None:
     try:
-        return np.array(_OneVector.model_validate({"value": value}).value)
+        return np.array(VectorTable.model_validate({"value": value}).value)
     except ValidationError:
         return None
-
-
-class _OneVector(_Table):
-    value: Vector
 
 
 def _direction(v: np.ndarray, least: float = 1 / LARGEST) -> np.ndarray:

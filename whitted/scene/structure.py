@@ -1,4 +1,4 @@
-"""All of a scene that its kernels are compiled for, and nothing that they read."""
+"""What of a scene kernels are compiled for: all but its numbers."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,19 +13,19 @@ if TYPE_CHECKING:
 
 
 class Structure:
-    """A scene without its arrays: hashable, so that kernels can be recorded for it."""
+    """A scene without its arrays. It can be hashed, so that kernels are recorded by it."""
 
     def __init__(self, scene: "Scene") -> None:
         self.features = scene.features
         self.precision = scene.precision
-        compiled = replace(
-            scene,
-            fixed=self.features,
-            touched=frozenset(),
-            resolution=(0, 0),
-            max_depth=0,
-            min_importance=0.0,
-        )
+        # The rest of the fields is given to kernels in other ways, or not at all
+        other = {
+            "touched": frozenset(),
+            "resolution": (0, 0),
+            "max_depth": 0,
+            "min_importance": 0.0,
+        }
+        compiled = replace(scene, fixed=self.features, **other)  # type: ignore[arg-type]
         self.key = take_apart(compiled, []), self.precision.name
         self._hash = hash(self.key)
         self._locations = scene.locations

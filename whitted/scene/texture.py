@@ -26,14 +26,18 @@ class Checkerboard:
         return dr.floor(u / self.size), dr.floor(v / self.size)
 
     def odd(self, p: Array, normal: Array) -> Array:
-        """Whether a point is in a cell of the board's own colour."""
+        """Bool: a point is in a cell of the board's own colour."""
         column, row = self.cell(p, normal)
         cells = column + row
         return cells - 2 * dr.floor(cells / 2) != 0
 
     def level(self, p: Array, normal: Array, axis: Array, border: Array) -> Array:
-        """The distance of a point from the border that begins a column (axis 0) or a row (axis 1)
-        of cells.
+        """The distance of a point from where the cell of a number begins: the level function of an
+        edge between cells.
+
+        Args:
+            axis: 0 for columns, 1 for rows.
+            border: the number of the column or row.
         """
         u, v = coordinates(p, normal)
         return dr.select(axis == 0, u, v) - border * self.size
