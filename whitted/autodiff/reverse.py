@@ -17,7 +17,8 @@ from ..scene.features import branches_out, reflects
 from ..scene.scene import Scene
 from ..shapes.sets import Hit
 from ..tracing.intersect import closest_hit
-from ..tracing.node import BOTH, FIRST, MOVES, Branch, Limits, Link, Node, Visit, scatter, visit
+from ..tracing.node import BOTH, FIRST, MOVES, Limits, Link, Node, Visit, visit
+from ..tracing.scatter import Branch, scatter
 from ..tracing.shading import emitted
 from ..tracing.stack import Stack
 from ..tracing.surface import surface

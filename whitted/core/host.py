@@ -1,7 +1,7 @@
 """The way between NumPy's arrays and those of kernels.
 
-Kernels are compiled for arrays of a certain alignment and of more than one lane. So what NumPy hands
-over is copied into Dr.Jit's own memory, and filled up to whole packets.
+Kernels are compiled for arrays of a certain alignment and of more than one lane. So what NumPy
+hands over is copied into Dr.Jit's own memory, and filled up to whole packets.
 """
 
 from collections.abc import Iterator, Sequence

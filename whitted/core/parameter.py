@@ -1,8 +1,8 @@
 """The one table of parameters: what each kind of thing says of its own numbers.
 
 A kind of thing (a shape, a light, a material, the camera) is a dataclass. A field that is a
-`parameter` has a size, a legal range and a scale; images are differentiable by it. A field that is a
-`setting` can be written in a file, but has no derivative. All else is read from these fields: the
+`parameter` has a size, a legal range and a scale; images are differentiable by it. A field that is
+a `setting` can be written in a file, but has no derivative. All else is read from these fields: the
 names of parameters, the checks of files and of `Scene.replace`, and the bounds and steps of a fit.
 """
 

@@ -23,9 +23,10 @@ from ..scene.features import bends
 from ..scene.scene import Scene
 from ..scene.texture import coordinates
 from ..shapes.sets import Hit, pick
-from ..tracing.node import Limits, Node, scatter, visit
+from ..tracing.node import Limits, Node, visit
+from ..tracing.scatter import scatter
 from ..tracing.shadow import incident, shadowing
-from ..tracing.surface import Surface, checkered, surface
+from ..tracing.surface import Surface, boards, surface
 from .labels import Decisions, cos_theta_t_squared, decide
 from .settings import CELLS
 
@@ -147,9 +148,9 @@ def level_function(scene: Scene, node: Node, event: Event, limits: Limits) -> tu
         shadow = other.of(lambda x: x.outline(at.p, to_light))
         value = dr.select(event.kind == Kind.SHADOW, shadow, value)
         value = dr.select(event.kind == Kind.TERMINATOR, dr.dot(at.n, to_light), value)
-    for material in checkered(scene):
-        border = material.checker.level(at.p, dr.detach(at.n), event.other, event.border)
-        value = dr.select((event.kind == Kind.CELL) & at.of[material.name], border, value)
+    for material, board in boards(scene).items():
+        border = board.level(at.p, dr.detach(at.n), event.other, event.border)
+        value = dr.select((event.kind == Kind.CELL) & at.of[material], border, value)
     if bends(scene):
         value = dr.select(event.kind == Kind.TOTAL, cos_theta_t_squared(scene, ray, at)[0], value)
     faint = real(0)
@@ -169,8 +170,8 @@ def board_place(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array, Arr
     hit = event.hit(scene, ray)
     at = surface(scene, ray, hit)
     column = row = away = type(hit.t)(0)
-    for material in checkered(scene):
-        here, size = at.of[material.name], dr.detach(material.checker.size)
+    for material, board in boards(scene).items():
+        here, size = at.of[material], dr.detach(board.size)
         u, v = coordinates(at.p, dr.detach(at.n))
         column, row = dr.select(here, u / size, column), dr.select(here, v / size, row)
         away = dr.select(here, hit.t / size, away)

@@ -26,7 +26,7 @@ from ..tracing.optics import transmission
 from ..tracing.recursion import walk
 from ..tracing.shading import blinn_phong, emitted, highlight
 from ..tracing.shadow import Incident, incident
-from ..tracing.surface import Surface, any_of, checkered
+from ..tracing.surface import Surface, any_of, boards
 from .settings import CELLS, LEAST_HIGHLIGHT
 
 Halves = tuple[Array, ...]
@@ -80,15 +80,15 @@ def _total(scene: Scene, ray: Ray, at: Surface) -> tuple[Array, ...]:
 
 
 def _cell(scene: Scene, at: Surface) -> tuple[Array, ...]:
-    boards = checkered(scene)
+    known = boards(scene)
     column = row = dr.int32_array_t(at.hit.t)(0)
-    for material in boards:
-        here, cell = at.of[material.name], material.checker.cell(at.p, at.n)
+    for material, board in known.items():
+        here, cell = at.of[material], board.cell(at.p, at.n)
         column, row = (
             dr.select(here, type(old)(new), old)
             for old, new in zip((column, row), cell, strict=True)
         )
-    return (column, row) if boards else ()
+    return (column, row) if known else ()
 
 
 def _shows_light(scene: Scene, at: Surface) -> Array:

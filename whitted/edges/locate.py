@@ -16,7 +16,7 @@ from ..core.ray import Ray
 from ..scene.scene import Scene
 from ..tracing.node import Limits, Node, visit
 from ..tracing.primary import CameraFrame, image_ray
-from ..tracing.surface import checkered
+from ..tracing.surface import boards
 from .events import Kind, board_place, classify, crease_cosines, has_rooted_outline, level_function
 from .labels import decide, decisions_differ, labels_differ
 from .motion import Edge, level_jvp
@@ -266,7 +266,7 @@ def _slopes(shot: Shot, segment: Segment, along: Array, edge: Edge) -> _Slopes:
     turn = dr.norm(dr.select(vertical, down.turn, right.turn)) * length
     on, other = crease_cosines(shot.scene, arriving, edge.event)
     counts = type(along)(1)
-    if checkered(shot.scene):
+    if boards(shot.scene):
         cells = [
             dr.abs(slope) * length for slope in (right.column, right.row, down.column, down.row)
         ]

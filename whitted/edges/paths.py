@@ -13,8 +13,9 @@ from ..core.arrays import Array
 from ..core.ray import Ray
 from ..scene.features import reflects
 from ..scene.scene import Scene
-from ..tracing.node import BELOW, ON, Branch, Limits, Link, Node, Visit, visit
+from ..tracing.node import BELOW, ON, Limits, Link, Node, Visit, visit
 from ..tracing.recursion import walk
+from ..tracing.scatter import Branch
 from ..tracing.shading import emitted
 from .labels import (
     decide,

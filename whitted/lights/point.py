@@ -27,7 +27,7 @@ class PointLight(Light):
         return self.position - p
 
     def toward(self, p: Array) -> Toward:
-        """A point at the light itself is as if at distance 1, so that nothing is divided by zero."""
+        """At the light itself the distance counts as 1, so that nothing is divided by zero."""
         offset = self.way(p)
         squared = dr.squared_norm(offset)
         squared = dr.select(squared > 0, squared, 1)

@@ -153,7 +153,7 @@ class ShapeSet:
     def _crossed(
         self, ray: ShadowRay, materials: Collection[str]
     ) -> Iterator[tuple[int, str, Array]]:
-        """Number, material, and whether it crosses the segment, of the primitives of some materials."""
+        """Of each primitive of some materials: number, material, whether it crosses the segment."""
         for number, shape in self.members:
             if shape.material in materials:
                 yield number, shape.material, shape.blocks(ray, ray.source == number)

@@ -44,7 +44,7 @@ class Shape(ABC):
             on: Bool, the ray starts on this very shape.
 
         Returns:
-            The distance; Bool, whether the ray meets the shape; Bool, whether it does so from within.
+            The distance; whether the ray meets the shape; and whether it does so from within.
         """
 
     @abstractmethod
@@ -70,7 +70,7 @@ class Shape(ABC):
 
     @abstractmethod
     def implicit(self, p: Array) -> tuple[Array, Array]:
-        """Such a function that is cheap to differentiate, and its gradient, which points outward."""
+        """Such a function, cheap to differentiate, and its gradient, which points outward."""
 
     @abstractmethod
     def outline(self, o: Array, d: Array) -> Array:

@@ -16,8 +16,9 @@ from ..core.parameter import POSITIVE, Scale, parameter
 from ..core.ray import Ray, ShadowRay
 from .shape import Numbers, Shape
 
-# An eye closer to a sphere than this part of the radius needs compensated sums: the level there is a
-# difference of squares, which loses five bits of 24 at 1/32. A larger part makes more scenes slower.
+# An eye closer to a sphere than this part of the radius needs compensated sums: the level there is
+# a difference of squares, which loses five bits of 24 at 1/32. A larger part makes more scenes
+# slower.
 NEAR = 1 / 32
 
 
@@ -57,8 +58,8 @@ class Sphere(Shape):
         return dr.select(on, 2 * b, dr.select(inside, b + half, b - half))
 
     def blocks(self, ray: ShadowRay, on: Array) -> Array:
-        """One end of the segment is in the sphere and the other is not; or both are outside, and the
-        line's point nearest to the center lies between them and in the sphere.
+        """One end of the segment is in the sphere and the other is not; or both are outside, and
+        the line's point nearest to the center lies between them and in the sphere.
 
         No root is taken, so that a light exactly on the sphere makes no noise.
         """
@@ -101,8 +102,8 @@ class Sphere(Shape):
     def _chord(self, o: Array, d: Array) -> tuple[Array, Array]:
         """Distance along a line to its point nearest to the center, and the discriminant.
 
-        The line meets the sphere if the discriminant is positive: its square root before that point,
-        and as far behind it.
+        The line meets the sphere if the discriminant is positive: its square root before that
+        point, and as far behind it.
         """
         to_center = self.center - o
         b = dr.dot(to_center, d)

@@ -1,5 +1,7 @@
-"""The media on both sides of a surface: a point is filled by the smallest transparent primitive
-that contains it.
+"""The media on both sides of a surface.
+
+A point is filled by the smallest transparent primitive that contains it, and on equal sizes by the
+first in the file.
 """
 
 import math
@@ -14,16 +16,14 @@ from ..scene.scene import Scene
 from ..shapes.sets import Medium
 from .surface import Surface, lookup
 
-Fills = dict[
-    str, tuple[Array, Array]
-]  # material to its index of refraction, and whether it is transparent
+# Material to its index of refraction, and Bool, whether it is transparent
+Fills = dict[str, tuple[Array, Array]]
 
 
 def relative_index(scene: Scene, at: Surface) -> Array:
     """eta = n_incident / n_transmitted.
 
-    Behind an opaque surface, which reflects like a polished dielectric, is its material's own
-    index.
+    An opaque surface that reflects like a polished dielectric has its material's index behind it.
     """
     fills = {m.name: (m.ior, _is_clear(m)) for m in scene.used if may(scene, m, "refraction")}
     inside, own = at.hit.inside, _own_medium(at, fills)
@@ -31,10 +31,9 @@ def relative_index(scene: Scene, at: Surface) -> Array:
     if alone and not coats(scene):
         return dr.select(inside, own.ior, 1) / dr.select(inside, 1, own.ior)
     outer = _outer_medium(scene, at, fills)
-    smaller = (own.extent < outer.extent) | (
-        (own.extent == outer.extent) & (own.index < outer.index)
-    )
-    inner_ior = dr.select((own.index != NONE) & smaller, own.ior, outer.ior)
+    first = (own.extent == outer.extent) & (own.index < outer.index)
+    fills_inside = (own.index != NONE) & ((own.extent < outer.extent) | first)
+    inner_ior = dr.select(fills_inside, own.ior, outer.ior)
     eta = dr.select(inside, inner_ior, outer.ior) / dr.select(inside, outer.ior, inner_ior)
     if not coats(scene):
         return eta
@@ -45,8 +44,10 @@ def relative_index(scene: Scene, at: Surface) -> Array:
 
 
 def _is_polished(at: Surface, material: Material) -> Array:
-    """Whether a surface is of an opaque material, which fills nothing; from within it does while it
-    may become glass.
+    """Bool: a surface is opaque and polished.
+
+    Seen from within, it is glass while its refraction is differentiated: that is the limit of glass
+    that refracts ever less.
     """
     here = at.of[material.name]
     return here & ~at.hit.inside if dr.grad_enabled(material.refraction) else here

@@ -1,19 +1,16 @@
 """A node of the tree of rays: a ray that arrives at a surface, and what leaves from there."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import drjit as dr
 
 from ..core.arrays import Array
-from ..core.numerics import safe_sqrt
 from ..core.ray import Ray
-from ..scene.features import bends, may, reflects, refracts
 from ..scene.scene import Scene
 from ..shapes.sets import Hit
 from .intersect import closest_hit
-from .media import relative_index
-from .optics import fresnel, reflect, refract, transmission
-from .surface import Surface, any_of, lookup, surface
+from .scatter import Branch, scatter
+from .surface import Surface, surface
 
 
 @dataclass(frozen=True)
@@ -23,33 +20,31 @@ class Limits:
     max_depth: int  # nodes on the longest chain
     depth: Array  # UInt32: the same, opaque to the kernel
     importance: Array | None  # a child whose product of weights is below it is not traced
-    faint: Array = (
-        None  # edges at nodes whose product of weights is below it are left to the samples
-    )
+    # Edges at nodes whose product of weights is below it are left to the samples
+    faint: Array = None
 
 
-# What a word holds: the primitive that the ray starts on, whether it leaves into it, marks of a
-# walk, and the depth
+# The parts of a `Link`: the number of the primitive that the ray starts on; whether the ray leaves
+# into it; from bit 17 on, marks that walks use; from bit 22 on, the node's depth
 SOURCE, INWARD, DEPTH = 0xFFFF, 1 << 16, 22
-# Marks: of a walk that follows a path, the ray is on the way to the path's node, or comes after it;
-# of a walk in reverse mode, a node goes on with its first child, has both, and something changes on
-# the way to it
+# Marks of a walk along a path: the ray is on the way to the path's node; it comes after that node.
+# Marks of a walk in reverse mode: the node goes on with its first child; it has both children;
+# something changes on the way to it.
 ON, BELOW, FIRST, BOTH, MOVES = (1 << bit for bit in range(17, 22))
 
 
 @dataclass
 class Link:
-    """What is known of a ray besides its line, in one integer (not frozen: Dr.Jit's loops write to
-    their state).
+    """What is known of a ray besides its line, packed into one integer.
+
+    (Not frozen: Dr.Jit's loops write to their state.)
     """
 
     word: Array  # UInt32
 
     @staticmethod
     def of(source: Array, inward: Array, depth: Array | int = 0) -> "Link":
-        """A ray that starts on a primitive, leaves into it or not, and arrives at a node of some
-        depth.
-        """
+        """The link of a ray that starts on a primitive, and arrives at a node of some depth."""
         uint = dr.uint32_array_t(inward)
         return Link(source | dr.select(inward, uint(INWARD), 0) | (uint(depth) << DEPTH))
 
@@ -66,9 +61,11 @@ class Link:
         return self.word >> DEPTH
 
     def has(self, mark: int) -> Array:
+        """Bool: the link has a mark."""
         return (self.word & mark) != 0
 
     def marked(self, mark: int, where: Array) -> "Link":
+        """The link with a mark in some lanes."""
         return Link(self.word | dr.select(where, type(self.word)(mark), 0))
 
 
@@ -87,9 +84,8 @@ class Node:
         width = dr.width(ray)
         nothing = dr.zeros(type(ray.o), width)
         weight, depth = dr.ones(dr.value_t(ray.o), width), dr.ones(type(ray.source), width)
-        return Node(
-            ray.o + nothing, ray.d + nothing, weight, Link.of(ray.source, ray.inward, depth)
-        )
+        link = Link.of(ray.source, ray.inward, depth)
+        return Node(ray.o + nothing, ray.d + nothing, weight, link)
 
     @property
     def ray(self) -> Ray:
@@ -99,16 +95,6 @@ class Node:
     def depth(self) -> Array:
         """Nodes from the camera on, this one included."""
         return self.link.depth
-
-
-@dataclass
-class Branch:
-    """A child of a node: a ray that leaves from its surface."""
-
-    weight: Array
-    direction: Array
-    inward: Array  # Bool: it leaves into the primitive that was hit
-    active: Array  # Bool: it is to be traced
 
 
 @dataclass(frozen=True)
@@ -121,7 +107,7 @@ class Visit:
 
     @property
     def traced(self) -> list[Array]:
-        """For each child, whether it is traced."""
+        """For each child, Bool: it is traced."""
         return [branch.active for branch in self.branches]
 
     def child(self, branch: Branch) -> Node:
@@ -135,10 +121,10 @@ class Visit:
 
 
 def visit(scene: Scene, node: Node, limits: Limits, hit: Hit | None = None) -> Visit:
-    """Find the surface that a node's ray meets, if it is not known, and the rays that leave from
-    it.
+    """Find the surface that a node's ray meets, and the rays that leave from there.
 
-    The search is detached; all else is differentiable in the scene and the node.
+    The search for the hit, unless it is given, is detached; all else is differentiable in the scene
+    and the node.
     """
     ray = node.ray
     hit = closest_hit(dr.detach(scene), dr.detach(ray)) if hit is None else hit
@@ -149,51 +135,3 @@ def visit(scene: Scene, node: Node, limits: Limits, hit: Hit | None = None) -> V
         if limits.importance is not None:
             branch.active &= abs(node.weight * branch.weight) >= limits.importance
     return Visit(node, at, branches)
-
-
-def scatter(scene: Scene, ray: Ray, at: Surface) -> list[Branch]:
-    """The reflected and then the refracted child, as far as the scene's materials can send them."""
-    if not reflects(scene):
-        return []
-    reflection = lookup(scene, at, "reflection")
-    mirror = reflect(ray.d, at.n)
-    if not bends(scene):
-        return [_branch(scene, at, "reflection", reflection, reflection, mirror, at.hit.inside)]
-
-    refraction = lookup(scene, at, "refraction")
-    cos_theta_i = dr.fmax(-dr.dot(at.n, ray.d), 0)
-    eta = relative_index(scene, at)
-    squared, total = transmission(cos_theta_i, eta)
-    cos_theta_t = safe_sqrt(squared)
-    mirrored, passed = reflection + dr.select(total, refraction, 0), dr.select(total, 0, refraction)
-    if any(material.fresnel for material in scene.used):
-        dielectric = any_of(scene, at, lambda m: m.fresnel)
-        reflectance = dr.select(total, 1, fresnel(cos_theta_i, cos_theta_t, eta))
-        mirrored = dr.select(dielectric, reflection * reflectance, mirrored)
-        passed = dr.select(dielectric, refraction * (1 - reflectance), passed)
-    first = _branch(scene, at, "reflection", mirrored, reflection, mirror, at.hit.inside)
-    if not refracts(scene):
-        return [first]
-    direction = refract(ray.d, at.n, cos_theta_i, cos_theta_t, eta)
-    second = _branch(scene, at, "refraction", passed, refraction, direction, ~at.hit.inside)
-    return [first, replace(second, active=second.active & ~total)]
-
-
-def _branch(
-    scene: Scene,
-    at: Surface,
-    field: str,
-    weight: Array,
-    coefficient: Array,
-    direction: Array,
-    inward: Array,
-) -> Branch:
-    """A child, active where its weight is not 0, or where a 0 is being differentiated.
-
-    Args:
-        field: of the material, "reflection" or "refraction"; coefficient is its value.
-    """
-    active = weight != 0
-    if dr.grad_enabled(coefficient):
-        active |= any_of(scene, at, lambda m: may(scene, m, field))
-    return Branch(weight, direction, inward, active)

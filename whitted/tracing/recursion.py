@@ -24,8 +24,8 @@ from .shading import emitted
 from .stack import Stack
 
 State = TypeVar("State")
-# From a node and what has been found so far: what is found now, the node's children, and which of
-# them to go on with
+# From a node and what has been found so far to what is found now, the node's children, and for each
+# of them whether to go on with it
 Step = Callable[[Any, State], tuple[State, list[Any], list[Array]]]
 
 
@@ -46,18 +46,17 @@ def radiance(scene: Scene, ray: Ray, limits: Limits) -> Array:
         light = dr.fma(node.weight, emitted(scene, node.ray, seen.at), light)
         return light, seen.children, seen.traced
 
-    return walk(
-        scene, limits, Node.first(ray), dr.zeros(type(ray.o), dr.width(ray)), step, "radiance"
-    )
+    dark = dr.zeros(type(ray.o), dr.width(ray))
+    return walk(scene, limits, Node.first(ray), dark, step, "radiance")
 
 
 def walk(scene: Scene, limits: Limits, root: Any, state: State, step: Step, label: str) -> State:
     """Walk through trees of nodes, depth first.
 
     Args:
-        root: the first node, or a structure of arrays of the walk's own that stands for one.
+        root: the first node, or any structure of arrays that stands for one.
         state: what has been found before the first node, as wide as the wavefront.
-        step: looks at a node.
+        step: called with each node.
         label: of the loop, for Dr.Jit.
 
     Returns:
@@ -79,8 +78,7 @@ def walk(scene: Scene, limits: Limits, root: Any, state: State, step: Step, labe
 
 
 def _go_on(stack: Stack, active: list[Array], children: list[Any]) -> tuple[Stack, Array, Any]:
-    """Go on with a node's first active child, and where it has none with the child that was put off
-    last.
+    """Go on with a node's first active child, or if it has none with the newest one on the stack.
 
     Returns:
         The stack, whether there is a node to go on with, and the node.

@@ -1,8 +1,7 @@
-"""What a surface sends back of itself: ambient light, and each light's Lambert and Blinn-Phong
-terms, shadowed.
+"""The light of a surface itself: ambient light, and each light's Lambert and Blinn-Phong terms.
 
-Source: T. Whitted, "An Improved Illumination Model for Shaded Display", CACM 23(6), 1980; the half
-vector is from J. F. Blinn, "Models of Light Reflection for Computer Synthesized Pictures", SIGGRAPH
+Sources: T. Whitted, "An Improved Illumination Model for Shaded Display", CACM 23(6), 1980; for the
+half vector, J. F. Blinn, "Models of Light Reflection for Computer Synthesized Pictures", SIGGRAPH
 1977.
 """
 
@@ -18,9 +17,7 @@ from .surface import Surface, albedo, lookup
 
 
 def emitted(scene: Scene, ray: Ray, at: Surface) -> Array:
-    """Radiance along the ray without its reflected and refracted children; the background where it
-    hits nothing.
-    """
+    """Radiance along a ray without what it reflects and refracts; the background if it hits nothing."""
     color = albedo(scene, at)
     radiance = scene.ambient * color if "ambient" in scene.features.live else type(at.p)(0)
     gloss = highlight(scene, at) if glossy(scene) else None

@@ -21,14 +21,14 @@ class Incident:
     cosine: Array  # of the angle between the direction to the light and the normal
     ray: ShadowRay  # detached
     blocked: Array  # Bool: something keeps all of the light away
-    transmitted: (
-        Array | None
-    )  # what other things leave of it; None in a scene where all shadows are full
-    veil: Array | None  # UInt32: a hash of the things that it shines through; None likewise
+    # What is left behind things that keep a part of the light away, and a hash of those things
+    # (UInt32); None in a scene where all shadows are full
+    transmitted: Array | None
+    veil: Array | None
 
     @property
     def dark(self) -> Array:
-        """Whether nothing of the light arrives."""
+        """Bool: nothing of the light arrives."""
         if self.transmitted is None:
             return self.blocked
         return self.blocked | (dr.detach(self.transmitted) == 0)

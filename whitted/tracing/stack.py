@@ -11,14 +11,11 @@ from ..core.pytree import leaves, like
 
 @dataclass
 class Stack:
-    """Entries of one structure: tuples or dataclasses of arrays (not frozen: Dr.Jit's loops write
-    to their state).
-    """
+    """Entries of one structure (not frozen: Dr.Jit's loops write to their state)."""
 
-    size: (
-        Array  # UInt32, as wide as the wavefront: an index of width 1 counts as equal in all lanes
-    )
-    slots: tuple  # one local buffer for each array of an entry
+    # UInt32, as wide as the wavefront: Dr.Jit takes an index of width 1 to be equal in all lanes
+    size: Array
+    slots: tuple  # a local buffer for each array of an entry
     capacity: int
 
     @staticmethod
@@ -27,7 +24,7 @@ class Stack:
 
         Args:
             size: UInt32 zeros, as wide as the wavefront.
-            entry: some entry, whose types are taken.
+            entry: any entry, a structure of arrays whose types are taken.
         """
         slots = (dr.alloc_local(type(part), capacity) for part in leaves(entry)) if capacity else ()
         return Stack(size, tuple(slots), capacity)
@@ -35,8 +32,9 @@ class Stack:
     def push(self, active: Array, entry: Any) -> "Stack":
         """Add an entry in the active lanes; a full stack drops it.
 
-        Without this limit in its code, a kernel could run with the smaller buffers of another:
-        Dr.Jit takes two kernels for one that differ in nothing but the sizes of local buffers.
+        The capacity has to be in the code. Dr.Jit takes two kernels for the same that differ in
+        nothing but the sizes of local buffers, and would run one with the smaller buffers of the
+        other.
         """
 
         def write(stack, *parts):

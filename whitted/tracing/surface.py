@@ -10,11 +10,14 @@ from ..core.ray import NONE, Ray
 from ..scene.features import may
 from ..scene.material import Material
 from ..scene.scene import Scene
+from ..scene.texture import Checkerboard
 from ..shapes.sets import Hit, Picked, pick
 
 
 @dataclass(frozen=True)
 class Surface:
+    """Where a ray meets the scene."""
+
     p: Array  # the point that the ray reaches
     n: Array  # the unit normal there, turned towards the side that the ray came from
     hit: Hit
@@ -24,12 +27,11 @@ class Surface:
 
 
 def surface(scene: Scene, ray: Ray, hit: Hit) -> Surface:
-    """The surface at a hit, differentiable in the scene and the ray although the hit itself is
-    detached.
+    """The surface at a hit.
 
-    The distance is the root of a level function F(o + t d) = 0, so its derivative is -dF / (grad F
-    . d) (the implicit function theorem): one primitive's parameters enter, however many the search
-    looked at.
+    It is differentiable in the scene and the ray, although the hit itself is detached. The distance
+    t is the root of a level function, F(o + t d) = 0, so that dt = -dF / (grad F . d) (the implicit
+    function theorem). One primitive's parameters enter, however many the search looked at.
     """
     hits = hit.index != NONE
     shape = pick(scene.sets, hit.index, scene.background)
@@ -44,9 +46,7 @@ def surface(scene: Scene, ray: Ray, hit: Hit) -> Surface:
 
 
 def _attach_distance(shape: Picked, ray: Ray, hits: Array, p: Array) -> Array:
-    """The point p, moved along the ray by the (zero) Newton step that carries the distance's
-    derivative.
-    """
+    """The point p, moved along the ray by a Newton step of length 0 that carries dt."""
     level, gradient = shape.of(lambda shape: shape.implicit(p))
     slope = dr.dot(dr.detach(gradient), dr.detach(ray.d))
     step = (dr.detach(level) - level) / dr.select(slope == 0, 1, slope)
@@ -73,7 +73,7 @@ def lookup(
     """A field of the surface's material, and 0 where it is not of one of the wanted materials.
 
     Args:
-        wanted: by default those whose field can have another value than its neutral one.
+        wanted: by default the materials whose field can differ from its neutral value.
     """
     value = type(at.p)(0) if field == "color" else dr.value_t(at.p)(0)
     for material in scene.used:
@@ -86,13 +86,12 @@ def albedo(scene: Scene, at: Surface) -> Array:
     """The surface's Lambertian albedo, with its checkerboard."""
     color = lookup(scene, at, "color")
     p, n = dr.detach(at.p), dr.detach(at.n)
-    for material in checkered(scene):
-        board = material.checker
+    for material, board in boards(scene).items():
         odd = dr.detach(board).odd(p, n)
-        color = dr.select(at.of[material.name] & odd, board.color, color)
+        color = dr.select(at.of[material] & odd, board.color, color)
     return color
 
 
-def checkered(scene: Scene) -> list[Material]:
-    """The materials with a checkerboard."""
-    return [material for material in scene.used if material.checker is not None]
+def boards(scene: Scene) -> dict[str, Checkerboard]:
+    """The checkerboards, by material."""
+    return {material.name: material.checker for material in scene.used if material.checker}
