@@ -1,3 +1,1 @@
-"""Derivatives of radiance along rays, in forward and in reverse mode. What moves with an edge is
-not in them.
-"""
+"""Derivatives of radiance along rays, in forward and in reverse mode, without moving edges."""

@@ -1,9 +1,9 @@
-"""Which surfaces change with some parameters: the light of the others needs no derivatives."""
+"""Which surfaces change with some parameters; the light of the others needs no derivatives."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ..core.arrays import Array
+from ..core.arrays import Array, any_true
 from ..scene.features import may
 from ..scene.scene import Scene
 from ..tracing.surface import materials_of
@@ -11,24 +11,21 @@ from ..tracing.surface import materials_of
 
 @dataclass(frozen=True)
 class Changed:
-    """The shapes and the materials that change by themselves."""
+    """The shapes and the materials that change, by name."""
 
     shapes: frozenset[str]
     materials: frozenset[str]
 
     def among(self, scene: Scene, index: Array) -> Array:
-        """Whether a primitive is one of those that change."""
+        """Bool: a primitive is one of those that change."""
         of = materials_of(scene, index)
-        result = type(index == 0)(False)
-        for primitives in scene.sets:
-            result |= primitives.named(index, self.shapes)
-        for material in self.materials & of.keys():
-            result |= of[material]
-        return result
+        named = (primitives.named(index, self.shapes) for primitives in scene.sets)
+        made = (here for material, here in of.items() if material in self.materials)
+        return any_true((*named, *made), index == 0)
 
 
 def changed(scene: Scene, names: Iterable[str]) -> Changed | None:
-    """What changes with the parameters of these names; None where that is all, or all light."""
+    """What changes with the parameters of these names; None if everything does."""
     shapes, materials = set(), set()
     for name in names:
         where = scene.locations[name]
@@ -37,7 +34,7 @@ def changed(scene: Scene, names: Iterable[str]) -> Changed | None:
         elif where.field == "materials" and where.place is not None and where.path != ("shadow",):
             materials.add(scene.materials[where.place].name)
             if where.path == ("ior",):
-                # An index counts for what lies inside, too
+                # An index of refraction also changes what is seen of the surfaces inside
                 materials |= _with_interfaces(scene)
         else:
             return None
@@ -47,6 +44,6 @@ def changed(scene: Scene, names: Iterable[str]) -> Changed | None:
 
 
 def _with_interfaces(scene: Scene) -> set[str]:
-    """The materials at which rays notice the media around."""
+    """The materials at whose surfaces the media around count."""
     clear = {m.name for m in scene.materials if may(scene, m, "refraction")}
     return clear | scene.features.coated

@@ -25,9 +25,7 @@ Parameters = Mapping[str, Array]
 
 @dataclass
 class Tangent:
-    """Tangents of a node along a direction of parameter space (not frozen: Dr.Jit's loops write to
-    their state).
-    """
+    """The tangents of a node (not frozen: Dr.Jit's loops write to their state)."""
 
     o: Array
     d: Array
@@ -35,7 +33,7 @@ class Tangent:
 
     @staticmethod
     def first(node: Node, o: Array, d: Array) -> "Tangent":
-        """Those of a first node, with the tangents of its rays' origins and directions."""
+        """The tangents of a first node, from those of its rays' origins and directions."""
         nothing = dr.zeros(type(node.o), dr.width(node))
         return Tangent(o + nothing, d + nothing, dr.zeros(type(node.weight), dr.width(node)))
 
@@ -56,7 +54,7 @@ class Moving:
 def attached(
     scene: Scene, tangents: Parameters, node: Node, tangent: Tangent
 ) -> tuple[object, Scene, Node]:
-    """Fresh inputs with their tangents, and the scene and the node that are made of them."""
+    """Inputs with fresh tangents, and the scene and the node that are made of them."""
     values = scene.parameters(*tangents) if tangents else {}
     inputs = dr.detach((node.o, node.d, node.weight, values))
     dr.enable_grad(inputs)
@@ -72,7 +70,7 @@ def radiance_jvp(
 
     Args:
         scene: with unit vectors for its directions, and no gradients.
-        tangents: parameter name to tangent, of width 1; other parameters stand still.
+        tangents: parameter name to tangent, of width 1; those of other parameters are 0.
         o_slope, d_slope: tangents of the rays' origins and directions.
 
     Returns:

@@ -6,9 +6,7 @@ from ..core.arrays import Array
 
 
 def push_forward(inputs: object) -> None:
-    """Propagate the inputs' tangents to all that depends on them, keeping those of values in
-    between.
-    """
+    """Propagate the inputs' tangents to all that depends on them, and keep those in between."""
     dr.enqueue(dr.ADMode.Forward, inputs)
     dr.traverse(dr.ADMode.Forward, flags=dr.ADFlag.ClearEdges)
 

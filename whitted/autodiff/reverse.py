@@ -1,8 +1,9 @@
 """Reverse mode: a walk that returns up the tree of rays.
 
-Dr.Jit cannot record a loop with a stack for reverse mode, and need not. A node's own light is
-differentiated on arrival, and each child when the walk comes back from it with the adjoints of its
-ray and the light that it saw. No intermediate image is stored, whatever the depth.
+Dr.Jit cannot record a loop with a stack for reverse mode, and it need not. A node's own light is
+differentiated when the walk arrives at it. Each child is differentiated when the walk comes back
+from it, with the adjoints of its ray and the light that it saw. No intermediate image is stored,
+whatever the depth.
 """
 
 from collections.abc import Mapping
@@ -67,9 +68,8 @@ def radiance_vjp(
         The sums with these rays' derivatives added, and the derivatives by the rays' origins and
         directions.
     """
-    return walk_back(
-        Tree(scene, wide, seed, limits, None if moves else changed(scene, wide)), sums, ray
-    )
+    these = None if moves else changed(scene, wide)
+    return walk_back(Tree(scene, wide, seed, limits, these), sums, ray)
 
 
 @dataclass
@@ -83,17 +83,19 @@ class Place:
 
 @dataclass
 class Waiting:
-    """A node between the camera and the one that is being traced (not frozen: Dr.Jit's loops write
-    to their state).
-    """
+    """A node on the stack, to which the walk comes back (not frozen, like `Place`)."""
 
-    node: Node  # its link has the primitive that was hit, and marks for what became of its children
+    node: Node  # its link holds the primitive that was hit, and marks that tell of its children
     back: Adjoint
-    t: Array
+    t: Array  # the distance of the hit
 
 
 def walk_back(tree: "Tree", sums: Parameters, ray: Ray) -> tuple[dict[str, Array], Array, Array]:
-    """Walk down a tree and back: the sums, and the derivatives by the rays' origins and directions."""
+    """Walk down a tree of rays and back.
+
+    Returns:
+        The sums, and the derivatives by the rays' origins and directions.
+    """
     scene, limits = tree.scene, tree.limits
     width = dr.width(ray)
     node = Node.first(ray)
@@ -129,36 +131,35 @@ def walk_back(tree: "Tree", sums: Parameters, ray: Ray) -> tuple[dict[str, Array
 class Tree:
     """The two steps of a walk through a tree of rays in reverse mode.
 
-    A ray moves if something changes on the way to it. Light is differentiated only where a ray that
-    moves arrives, or any at a primitive that changes; other light changes nothing.
+    A ray moves if something changes on the way to it. Light is differentiated where a ray that moves
+    arrives, and at primitives that change; other light does not change.
     """
 
     scene: Scene
     wide: Parameters
     seed: Array
     limits: Limits
-    changed: Changed | None  # what changes by itself; None if all does, or if the first ray moves
+    changed: Changed | None  # what changes; None if all does, or if the first ray moves
 
     def attached(self, node: Node) -> tuple[Scene, Node, dict[str, Array]]:
-        """The scene, the node's ray and the parameters with fresh gradients."""
+        """The scene, the node and the parameters, with fresh gradients."""
         values, o, d = dr.detach(dict(self.wide)), dr.detach(node.o), dr.detach(node.d)
         dr.enable_grad(values, o, d)
         return self.scene.carrying(values), Node(o, d, node.weight, node.link), values
 
     def where(self, moves, differentiated, node, hit, sums, *more):
-        """What a node adds to the adjoint of its ray and to the sums: nothing where the ray does
-        not move.
-        """
+        """What a node adds to the adjoint of its ray and to the sums: nothing where nothing moves."""
         inputs = node, hit, sums, *more
         if self.changed is None:
             return differentiated(*inputs)
         # Create the zeros outside of the branch; Dr.Jit would reuse them after it
         dark = Adjoint.zero(node)
-        yes, no = (
+        return dr.if_stmt(
+            (dark, *inputs),
+            moves,
             lambda dark, *inputs: differentiated(*inputs),
             lambda dark, node, hit, sums, *_: (dark, sums),
         )
-        return dr.if_stmt((dark, *inputs), moves, yes, no)
 
     def light(self, node, hit, sums):
         """The light of a surface itself."""
@@ -186,7 +187,7 @@ class Tree:
         if self.changed is not None:
             moves = moves | self.changed.among(self.scene, hit.index)
         scene, there, _ = self.attached(node)
-        # A weight of 0 that is being differentiated has a child, too
+        # Attached, as a weight of 0 that is differentiated has a child, too
         seen = visit(scene, there, self.limits, hit)
         back, sums = self.where(moves, self.light, node, hit, sums)
         if not seen.branches:
@@ -229,5 +230,5 @@ def choose(condition: Array, a: Branch, b: Branch) -> Branch:
 
 
 def added(sums: Parameters, values: Parameters) -> dict[str, Array]:
-    """The sums with the derivatives that reverse mode has brought to the values."""
+    """The sums with the derivatives that reverse mode has brought to some values."""
     return {name: sums[name] + dr.grad(values[name]) for name in sums}

@@ -1,13 +1,12 @@
-"""The events that make an edge, each with a level function that is zero on the edge and smooth
-across it.
+"""The events that make edges, and the level function of each: zero on the edge, smooth across it.
 
 | event | level function, of the ray that arrives at the node |
 |---|---|
 | outline of a shape | the shape's `outline`: for a sphere the discriminant of the ray |
-| crease, where two surfaces cross | the one shape's `level` at the point where the ray meets the other |
+| crease, where two surfaces cross | the one shape's `level` where the ray meets the other |
 | shadow edge | the `outline` of the shape that blocks the light, of the line to the light |
 | terminator of a specular surface | n . l |
-| edge of a checkerboard's cell | distance of the point to it |
+| edge of a checkerboard's cell | distance of the point from it |
 | onset of total internal reflection | cos_theta_t^2 |
 | a child is too faint to be traced | its weight less the least importance |
 """
@@ -44,9 +43,11 @@ class Event:
     kind: Array  # UInt32, a `Kind`
     on: Array  # UInt32: the primitive that the ray meets there
     inside: Array  # Bool: from within
-    other: Array  # UInt32: the primitive that ends, crosses or casts a shadow; or axis of the board, or child
+    # UInt32: the primitive that ends, crosses or casts a shadow; for a cell the board's axis, for a
+    # faint child its number
+    other: Array
     light: Array  # UInt32
-    border: Array  # number of the cell, on a checkerboard, that begins at the edge
+    border: Array  # the number of the cell that begins at the edge
 
     def set(self, where: Array, kind: int, **fields: Array) -> None:
         """Change the event in some lanes."""
@@ -55,18 +56,15 @@ class Event:
             setattr(self, name, dr.select(where, value, getattr(self, name)))
 
     def hit(self, scene: Scene, ray: Ray) -> Hit:
-        """Where a ray meets the primitive of the event, or would meet it if it did not just miss
-        it.
-        """
+        """Where a ray meets the primitive of the event, or just misses it."""
         shape = pick(scene.sets, self.on, scene.background)
         on = ray.source == self.on
-        return Hit(
-            dr.detach(shape.of(lambda x: x.reach(ray, on, self.inside))), self.on, self.inside
-        )
+        t = shape.of(lambda x: x.reach(ray, on, self.inside))
+        return Hit(dr.detach(t), self.on, self.inside)
 
 
 def _meets(scene: Scene, ray: Ray, index: Array) -> Array:
-    """Whether a ray meets a primitive, whatever lies before it."""
+    """Bool: a ray meets a primitive, whatever lies in front of it."""
     on = ray.source == index
 
     def meets(shape):
@@ -83,8 +81,7 @@ def classify(scene: Scene, a: Node, b: Node, limits: Limits) -> Event:
     uint, real = type(here.index), type(a.weight)
     event = Event(uint(Kind.NOTHING), here.index, here.inside, uint(NONE), uint(0), real(0))
 
-    # What comes last overrides what comes before: from the faintest event of a node to the
-    # strongest
+    # From the faintest event of a node to the strongest, as each overrides those before it
     for k, (x, y) in enumerate(zip(here.children, there.children, strict=True)):
         event.set(x != y, Kind.TOO_FAINT, other=uint(k))
     for x, y in zip(here.total, there.total, strict=True):
@@ -102,20 +99,19 @@ def classify(scene: Scene, a: Node, b: Node, limits: Limits) -> Event:
 def _classify_hit(
     scene: Scene, event: Event, a: Ray, b: Ray, here: Decisions, there: Decisions
 ) -> None:
-    """One surface ends where it hides the other or is hidden by it; where both go on, they cross."""
-    changes = (here.index != there.index) | (here.inside != there.inside)
+    """Where both surfaces go on behind each other they cross; else one of them ends."""
+    others = here.index != there.index
+    changes = others | (here.inside != there.inside)
     stays, hidden = _meets(scene, b, here.index), _meets(scene, a, there.index)
     ends = dr.select(stays | (here.index == NONE), there.index, here.index)
     event.set(changes, Kind.OUTLINE, other=ends)
-    event.set(
-        changes & stays & hidden & (here.index != there.index), Kind.CREASE, other=there.index
-    )
+    event.set(changes & stays & hidden & others, Kind.CREASE, other=there.index)
 
 
 def _classify_light(
     scene: Scene, event: Event, k: int, here: Decisions, there: Decisions, at: Surface, to: Surface
 ) -> None:
-    """A light is kept away on one side: by the terminator, or by a shape whose shadow ends."""
+    """A light reaches one side only: the terminator is in between, or the end of a shadow."""
     light, uint = scene.lights[k], type(event.kind)
     changes = here.lights[k] != there.lights[k]
     one, two = incident(scene, at, light), incident(scene, to, light)
@@ -134,8 +130,8 @@ def level_function(scene: Scene, node: Node, event: Event, limits: Limits) -> tu
     """The level function of an event at a node.
 
     Returns:
-        The level function, and what of it is still to be multiplied with the node's weight and
-        added: the weight of the child that is too faint.
+        The level function, and a part of it that is still to be multiplied with the node's weight
+        and added: the weight of a child that is too faint.
     """
     ray, real = node.ray, type(node.weight)
     other = pick(scene.sets, event.other, scene.background)
@@ -164,9 +160,7 @@ def level_function(scene: Scene, node: Node, event: Event, limits: Limits) -> tu
 
 
 def board_place(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array, Array]:
-    """Column and row of an event's checkerboard where a ray meets it, and its distance, all in
-    cells; 0 without one.
-    """
+    """Where a ray meets an event's checkerboard: column, row and distance in cells; 0 without one."""
     hit = event.hit(scene, ray)
     at = surface(scene, ray, hit)
     column = row = away = type(hit.t)(0)
@@ -179,9 +173,7 @@ def board_place(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array, Arr
 
 
 def crease_cosines(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array]:
-    """Cosines of the angles at which a ray meets the two surfaces of a crease, `on` and `other`;
-    infinite elsewhere.
-    """
+    """The cosines at which a ray meets the surfaces `on` and `other` of a crease; else infinite."""
     p = ray.o + event.hit(scene, ray).t * ray.d
 
     def cosine(index: Array) -> Array:
@@ -193,7 +185,7 @@ def crease_cosines(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array]:
 
 
 def has_rooted_outline(scene: Scene, event: Event) -> Array:
-    """Whether radiance beside the edge changes like the square root of the distance."""
+    """Bool: radiance beside the edge changes like the square root of the distance."""
     shape = pick(scene.sets, event.other, scene.background)
     outline = (event.kind == Kind.OUTLINE) & shape.whether(lambda kind: kind.rooted)
     return outline | (event.kind == Kind.TOTAL)

@@ -29,11 +29,14 @@ from ..tracing.shadow import Incident, incident
 from ..tracing.surface import Surface, any_of, boards
 from .settings import CELLS, LEAST_HIGHLIGHT
 
+# A label before it is joined: one or two UInt32
 Halves = tuple[Array, ...]
 
 
 @dataclass(frozen=True)
 class Decisions:
+    """What a node decides."""
+
     index: Array  # UInt32: the primitive that was hit, or NONE
     inside: Array  # Bool: from within
     cell: tuple[Array, ...]  # Int: column and row of the checkerboard; empty in a scene without one
@@ -71,7 +74,7 @@ def decide(scene: Scene, seen: Visit) -> Decisions:
 
 
 def cos_theta_t_squared(scene: Scene, ray: Ray, at: Surface) -> tuple[Array, Array]:
-    """Of the refracted ray: the square of the cosine, and whether reflection is total."""
+    """The square of the refracted ray's cosine, and whether reflection is total."""
     return transmission(dr.fmax(-dr.dot(at.n, ray.d), 0), relative_index(scene, at))
 
 
@@ -92,7 +95,7 @@ def _cell(scene: Scene, at: Surface) -> tuple[Array, ...]:
 
 
 def _shows_light(scene: Scene, at: Surface) -> Array:
-    """Whether light that falls on the surface can be seen."""
+    """Bool: light that falls on the surface can be seen."""
 
     def shows(m):
         return may(scene, m, "color") or may(scene, m, "specular") or m.checker is not None
@@ -101,9 +104,7 @@ def _shows_light(scene: Scene, at: Surface) -> Array:
 
 
 def _is_dark(scene: Scene, ray: Ray, at: Surface, light: Incident) -> Array:
-    """Whether something keeps a light away: a shadow, or the terminator where a highlight ends
-    there.
-    """
+    """Bool: a light is kept away, by a shadow, or by the terminator if a highlight ends there."""
     faces = at.hits & (light.cosine > 0)
     dark = _shows_light(scene, at) & faces & light.dark
     if glossy(scene):
@@ -114,7 +115,7 @@ def _is_dark(scene: Scene, ray: Ray, at: Surface, light: Incident) -> Array:
 
 
 def decisions_differ(here: Decisions, there: Decisions) -> Array:
-    """Whether a node decides differently for two rays, with an edge in between that can be found."""
+    """Bool: a node decides differently for two rays, so that an edge between can be found."""
     different = here.index != there.index
     for x, y in zip(here.flags, there.flags, strict=True):
         different |= x != y
@@ -159,9 +160,7 @@ def labelled_radiance(scene: Scene, ray: Ray, limits: Limits) -> tuple[Array, Ar
 
 
 def _mix(label: Array, decisions: Decisions) -> Array:
-    """A label with the decisions of one more node hashed in (the steps are MurmurHash3's, A.
-    Appleby 2011).
-    """
+    """A label with the decisions of one more node, by the steps of MurmurHash3 (A. Appleby 2011)."""
     flags = decisions.flags
     words = [decisions.index, *(type(label)(cell) for cell in decisions.cell), *decisions.veils]
     for first in range(0, len(flags), 32):
