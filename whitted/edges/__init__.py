@@ -20,36 +20,43 @@ The method, on the regular grid of samples with spacing h:
    event there (`events.py`), and find the root of its level function phi along the segment
    (`locate.py`). Where the labels beside the root are not those of the samples, more edges are in
    the segment, and the search goes on in what is left of it (`search.py`).
-3. The part of the segment's line that lies behind the crossing goes from one sample to the other:
-   (c - middle) (f- - f+) h. Other samples are differentiated in place of the two where f changes
-   like the square root of the distance: beside silhouettes and the onset of total reflection. So
-   they are at a crease from which a surface runs off into the distance between two samples
-   (`quadrature.py`).
+3. Say the crossing is at a distance c from the first sample. The border between the samples' cells
+   is midway. What lies between the border and the crossing counted for the wrong sample; moving it
+   to the other one adds (c - middle) (f- - f+) h to the pixels. Beside silhouettes and the onset of
+   total reflection, f changes like the square root of the distance. There the derivatives are taken
+   of other samples, in place of the two. The same is done at a crease from which a surface runs off
+   into the distance between two samples (`quadrature.py`).
 4. Where a parameter moves, the crossing at c moves by -phi_theta / phi_c. The segment's line stands
-   for a strip of width h, in which the edge is taken to be straight. Its area changes by h times
-   that, of which each pixel gets the part of the edge that lies in it. phi_theta is the derivative
-   along one chain of rays, in forward or in reverse mode (`motion.py`).
-5. Horizontal segments see an edge well that is steep, vertical ones one that is flat. Both sums are
-   correct for edges that they see, and are joined with weights g_x^4 / (g_x^4 + g_y^4) and g_y^4 /
-   (g_x^4 + g_y^4), g the gradient of phi in the image. The weights also keep each term bounded:
-   g_x^3 / (g_x^4 + g_y^4) <= 1.14 / |g|.
+   for a strip of width h, in which the edge is taken to be straight. The area behind the edge
+   changes by h times that motion. Each pixel gets the part that belongs to the piece of the edge in
+   it. phi_theta is the derivative along one chain of rays, in forward or in reverse mode
+   (`motion.py`).
+5. Horizontal segments see steep edges well, and vertical segments flat ones. Each of the two sums
+   is right for the edges that it sees. They are joined with weights g_x^4 / (g_x^4 + g_y^4) and
+   g_y^4 / (g_x^4 + g_y^4), where g is the gradient of phi in the image. The weights also keep each
+   term bounded: g_x^3 / (g_x^4 + g_y^4) <= 1.14 / |g|.
 6. A pixel with three labels or more around it has edges that meet or crowd. It is sampled anew,
    more finely, with the same method (`refinement.py`; adaptive subdivision: Whitted 1980).
 
-The cost follows the number of edges: for each some chains of rays, and of four trees what weighs
-enough to have an edge.
+The cost follows the number of edges. Each costs a few chains of rays, and those parts of four trees
+of rays that weigh enough to have an edge.
 
-What the method leaves to the samples, less of it the more samples a pixel has: edges of nodes that
-weigh less than `settings.LEAST_WEIGHT` / spp in the pixel; edges of an object or a gap that lies
-between two samples of the same label; checkerboards where several cells lie between two samples.
-What moves with those fades out as cells get smaller: were it to end at once, the last edge would
-lack the one that cancels it. Derivatives by a weight below `LEAST_WEIGHT` / spp, for which edges in
-what it reflects or refracts are such, have four times the samples instead.
+The method leaves three things to the samples. The more samples a pixel has, the less they matter:
 
-Sources: Reynolds transport and edge sampling, T.-M. Li et al., "Differentiable Monte Carlo Ray
-Tracing through Edge Sampling" (2018); discontinuities of programs, S. Bangaru et al.,
-"Systematically Differentiating Parametric Discontinuities" (2021), Y. Yang et al., "A-delta:
-Autodiff for Discontinuous Programs" (2022); edges snapped to segments between samples, the closest
-to this, Y. Belhe et al. (2025); adaptive subdivision, T. Whitted, "An Improved Illumination Model
-for Shaded Display" (1980).
+- edges of nodes that weigh less than `settings.LEAST_WEIGHT` / spp in the pixel;
+- edges of an object, or of a gap, that lies between two samples of the same label;
+- checkerboards where several cells lie between two samples. Their motion fades out as the cells get
+  smaller. Were it to end at once, the last edge would lack the one that cancels it.
+
+A derivative by a weight below `LEAST_WEIGHT` / spp has only such edges, in what it reflects or
+refracts. It has four times the samples instead.
+
+Sources:
+
+- Reynolds' transport and edge sampling: T.-M. Li et al., "Differentiable Monte Carlo Ray Tracing
+  through Edge Sampling" (2018).
+- Discontinuities of programs: S. Bangaru et al., "Systematically Differentiating Parametric
+  Discontinuities" (2021); Y. Yang et al., "A-delta: Autodiff for Discontinuous Programs" (2022).
+- Edges snapped to segments between samples, the closest to this: Y. Belhe et al. (2025).
+- Adaptive subdivision: T. Whitted, "An Improved Illumination Model for Shaded Display" (1980).
 """

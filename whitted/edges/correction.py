@@ -1,10 +1,9 @@
-"""What edges add to a band's pixels, kept for the derivatives of those: in forward and in reverse
-mode.
-"""
+"""The derivatives of a band's pixels with their edges, in forward and in reverse mode."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, partial
+from functools import partial
+from typing import TypeVar
 
 import drjit as dr
 import numpy as np
@@ -19,26 +18,25 @@ from ..sampling.film import Film
 from ..scene.structure import Structure
 from ..tracing.node import Limits
 from . import kernels, settings
-from .events import Event, Kind
-from .grid import Samples
+from .events import Event
 from .motion import Edge
-from .pairs import Crossings, Pairs, walk_order
 from .paths import Path
-from .quadrature import Extra, intervals_beside, samples_beside
+from .quadrature import Extra
 from .tables import concatenated, deposit, rows_of
 
 TERMS = ("both", "interior", "boundary")
-# Edges by the fields of their paths and events
+# Edges: NumPy arrays by the names of the fields of their paths and events
 Numbers = dict[str, np.ndarray]
 Parameters = dict[str, Array]
 FilmInputs = tuple[Structure, Parameters, Film, Limits, Parameters]
+Part = TypeVar("Part", Path, Event)
 # Fields of materials that weigh rays
 WEIGHTS = (".reflection", ".refraction")
 
 
 @dataclass(frozen=True)
 class MovingPoints:
-    """Points on edges, each with what it changes in two pixels when the level function there grows."""
+    """Points on edges, and what each changes in two pixels as its level function grows."""
 
     x: np.ndarray
     y: np.ndarray
@@ -50,36 +48,31 @@ class MovingPoints:
 
 @dataclass
 class Correction:
-    """What makes a band's pixels those of its regular samples and edges, and not of the samples
-    alone.
-    """
+    """What edges change about a band's samples, and how the edges move."""
 
     band: Band
-    weights: Array | None = (
-        None  # what the band's regular samples still count for, row by row of samples
-    )
+    # What the band's regular samples still count for, row by row of samples
+    weights: Array | None = None
     extra: list[Extra] = field(default_factory=list)
     edges: list[MovingPoints] = field(default_factory=list)
 
     def by_weight(self, wrt: Parameters) -> tuple[Parameters, Parameters]:
-        """The parameters `wrt`, and apart those weights so small that edges in what they show are
-        not found.
+        """The parameters `wrt` in two parts, the second for weights that are very small.
+
+        Edges in what such a weight shows are too faint to be found.
         """
         least = settings.LEAST_WEIGHT / self.band.side**2
-        small = {
-            name
-            for name, value in wrt.items()
-            if name.endswith(WEIGHTS) and abs(value.numpy()[0]) < least
-        }
-        return (
-            {name: value for name, value in wrt.items() if name not in small},
-            {name: wrt[name] for name in wrt if name in small},
-        )
+
+        def is_small(name: str) -> bool:
+            return name.endswith(WEIGHTS) and abs(wrt[name].numpy()[0]) < least
+
+        small = {name: value for name, value in wrt.items() if is_small(name)}
+        return {name: value for name, value in wrt.items() if name not in small}, small
 
     def regular(self, wrt: Parameters) -> Iterator[tuple[FilmInputs, Array | None]]:
-        """For each call of a film's kernel: what it takes first, and what each sample counts for.
+        """For each call of a film's kernel: its first inputs, and what each sample counts for.
 
-        Derivatives by small weights have four samples for each of the others'.
+        Derivatives by small weights have four times the samples.
         """
         band, (found, small) = self.band, self.by_weight(wrt)
         for film, names, weights in ((band.inner, found, self.weights), (band.finer, small, None)):
@@ -87,28 +80,28 @@ class Correction:
                 yield (band.structure, band.parameters, film, band.limits, names), weights
 
     def extras(self, wrt: Parameters) -> Iterator[tuple[Extra, Inputs, Parameters]]:
-        """The extra samples, no more at once than a kernel takes, with its inputs and parameters."""
+        """The extra samples, as many at once as a kernel takes, with its inputs and parameters."""
         found, _ = self.by_weight(wrt)
         if not self.extra or not found:
             return
         whole = concatenated(self.extra)
         order = np.argsort(whole.order, kind="stable")
-        # Derivatives by a weight need rays that have little of it
+        # Derivatives by a weight need faint rays as well
         dim = not any(name.endswith(WEIGHTS) for name in found)
         for part in chunks(len(order), settings.LANES):
             extra = rows_of(whole, order[part])
             yield extra, self._without_dim_rays(extra.beside & dim), found
 
     def _without_dim_rays(self, which: np.ndarray) -> Inputs:
-        """A kernel's inputs, for samples of which some, that count for a part of a pixel, have no
-        rays of little weight.
+        """A kernel's inputs; some of the samples are to send no rays of little weight.
+
+        Those are samples that count for a part of a pixel.
         """
-        *inputs, limits = self.band.inputs
+        structure, parameters, size, limits = self.band.inputs
         (least,) = limits.importance.numpy() if limits.importance is not None else (0.0,)
-        importance = np.where(
-            which, max(least, settings.LEAST_WEIGHT_BESIDE / self.band.side**2), least
-        )
-        return *inputs, replace(limits, importance=self.band.lanes(importance)[0])  # type: ignore[return-value]
+        raised = max(least, settings.LEAST_WEIGHT_BESIDE / self.band.side**2)
+        (importance,) = self.band.lanes(np.where(which, raised, least))
+        return structure, parameters, size, replace(limits, importance=importance)
 
     def tangent(self, wrt: Parameters, tangents: Parameters, terms: str) -> Array:
         """The pixels' derivative along the tangents of the parameters `wrt`."""
@@ -116,28 +109,28 @@ class Correction:
         pixels = to_array(np.zeros(1, band.dtype), band.rows * band.resolution[0] * 3)
         image = pixels.numpy()
         if terms != "boundary":
-            for first, weights in self.regular(wrt):
-                slopes = {name: tangents[name] for name in first[-1]}
-                image += film_kernels.image_jvp(*first, slopes, weights).numpy()
-            for extra, inputs, found in self.extras(wrt):
-                slopes, place = (
-                    {name: tangents[name] for name in found},
-                    band.lanes(extra.x, extra.y),
-                )
-                slope = to_numpy(points.samples_jvp(*inputs, found, slopes, *place))
-                deposit(image, extra.pixel, *(stacked(slope, slice(len(extra.x))) * extra.weight))
+            self._add_interior(image, wrt, tangents)
         if terms != "interior":
-            for edges in self.edges:
-                place, edge = band.lanes(edges.x, edges.y), _edge(edges.edge)
-                slope = kernels.levels_jvp(*band.inputs, wrt, tangents, *place, edge).numpy()[
-                    : len(edges.x)
-                ]
-                deposit(
-                    image,
-                    edges.pixel,
-                    *(edges.change * (channel * slope) for channel in edges.jump),
-                )
+            self._add_boundary(image, wrt, tangents)
         return pixels
+
+    def _add_interior(self, image: np.ndarray, wrt: Parameters, tangents: Parameters) -> None:
+        for first, weights in self.regular(wrt):
+            slopes = {name: tangents[name] for name in first[-1]}
+            image += film_kernels.image_jvp(*first, slopes, weights).numpy()
+        for extra, inputs, found in self.extras(wrt):
+            slopes = {name: tangents[name] for name in found}
+            place = self.band.lanes(extra.x, extra.y)
+            slope = to_numpy(points.samples_jvp(*inputs, found, slopes, *place))
+            deposit(image, extra.pixel, *(stacked(slope, slice(len(extra.x))) * extra.weight))
+
+    def _add_boundary(self, image: np.ndarray, wrt: Parameters, tangents: Parameters) -> None:
+        for edges in self.edges:
+            place = self.band.lanes(edges.x, edges.y)
+            inputs = *self.band.inputs, wrt, tangents, *place, _edge(edges.edge)
+            slope = kernels.levels_jvp(*inputs).numpy()[: len(edges.x)]
+            channels = (edges.change * (channel * slope) for channel in edges.jump)
+            deposit(image, edges.pixel, *channels)
 
     def adjoint(self, wrt: Parameters, image: Array, terms: str) -> Parameters:
         """The derivatives of dot(image, pixels) by the parameters `wrt`."""
@@ -147,12 +140,11 @@ class Correction:
             calls += self._interior_adjoints(wrt, image)
         if terms != "interior":
             calls += self._boundary_adjoints(wrt, image)
-        parts = [call() for call in calls]
-        zero = {name: dr.zeros(type(value)) for name, value in wrt.items()}
-        return {
-            name: sum((part[name] for part in parts if name in part), start=zero[name])
-            for name in wrt
-        }
+        total = {name: dr.zeros(type(value)) for name, value in wrt.items()}
+        for call in calls:
+            for name, slope in call().items():
+                total[name] = total[name] + slope
+        return total
 
     def _interior_adjoints(
         self, wrt: Parameters, image: Array
@@ -175,97 +167,16 @@ class Correction:
             yield partial(kernels.levels_vjp, *band.inputs, wrt, image, *points_on_edges)
 
 
-@dataclass(frozen=True)
-class Found:
-    """What the search for a band's edges found, as far as derivatives need it."""
-
-    band: Band
-    refined: np.ndarray  # the pixels that are sampled anew, in order
-    fine: list[Samples]
-    crossed: list[
-        tuple[Pairs, Crossings, Numbers]
-    ]  # by chunks of pairs, with the fields of their edges
-
-    @cached_property
-    def correction(self) -> Correction:
-        """Made for the first derivative, while kernels of what comes after the image may be
-        running.
-        """
-        band, result = self.band, Correction(self.band)
-        # What edges take away from samples, all of which are numbered
-        shape = (band.rows + 2) * band.side, (band.resolution[0] + 2) * band.side
-        first = shape[0] * shape[1]
-        taken = np.zeros(first + sum(group.pixel.size for group in self.fine), band.dtype)
-        ends = [np.zeros((2, 0), int)]
-        ends += [pairs.ends(found.pair[found.singular]) for pairs, found, _ in self.crossed]
-        marked = np.concatenate(ends, 1)
-        for pairs, found, edge in self.crossed:
-            result.extra += self._beside(pairs, found, edge, marked, taken)
-            here = rows_of(pairs, found.pair)
-            x = here.x + np.where(here.vertical, 0, found.along)
-            y = here.y + np.where(here.vertical, found.along, 0)
-            change = found.change * (here.pixel >= 0)
-            result.edges.append(MovingPoints(x, y, here.pixel, change, found.jump, edge))
-        for group in self.fine:
-            weight = (1 - taken[group.first : group.first + group.pixel.size]) / group.side**2
-            inside = np.flatnonzero((group.pixel >= 0) & (weight != 0))
-            order = walk_order(group.labels.ravel())
-            not_beside = np.zeros(len(weight), bool)
-            whole = Extra(group.x, group.y, group.pixel, weight, not_beside, order)
-            result.extra.append(rows_of(whole, inside))
-        result.weights = self._weights(taken[:first].reshape(shape))
-        return result
-
-    def _beside(
-        self, pairs: Pairs, found: Crossings, edge: Numbers, marked: np.ndarray, taken: np.ndarray
-    ) -> list[Extra]:
-        """The samples beside edges; what they take away from other samples is added to `taken`."""
-        lines, pair, part = intervals_beside(found, pairs, marked)
-        deposit(taken, pairs.sample.take(pair, 1), part)
-        # Derivatives may change much between edges close to each other, as seen in curved mirrors;
-        # and at creases that are singular, from which a surface runs off into the distance
-        most, close = min(self.band.side, settings.PIECES), np.bincount(found.pair) > 1
-        close[found.pair[edge["kind"] == Kind.CREASE]] = True
-        pieces = np.where(close.take(pair), most, 1)
-        extra = []
-        for count in {1, most}:
-            which = np.flatnonzero(pieces == count)
-            pixel, order = (
-                column.take(pair.take(which), 1) for column in (pairs.pixel, pairs.order)
-            )
-            extra.append(samples_beside(rows_of(lines, which), count, pixel, order))
-        return extra
-
-    def _weights(self, taken: np.ndarray) -> Array:
-        """What the band's regular samples, of which edges take something away, count for, row by
-        row of samples.
-        """
-        side, columns = self.band.side, self.band.resolution[0]
-        inner = taken[side:-side, side:-side]
-        weights: Array = dr.empty(self.band.structure.precision.real, inner.size)
-        regular = weights.numpy().reshape(inner.shape)
-        np.subtract(1, inner, out=regular)
-        rows, columns_of = self.refined // columns, self.refined % columns
-        regular.reshape(self.band.rows, side, columns, side)[rows, :, columns_of] = 0
-        return weights
-
-
 def _unsigned(pixel: np.ndarray) -> np.ndarray:
     """Pixels as kernels take them: -1 becomes `points.NOWHERE`."""
     return pixel.astype(np.uint32)
 
 
-def numbers_of(edge: Edge, which: np.ndarray) -> Numbers:
-    """Some of the edges, whose arrays are NumPy's, by the fields of their paths and events."""
-    return {
-        name: value[which] for part in (edge.path, edge.event) for name, value in vars(part).items()
-    }
-
-
 def _edge(numbers: Numbers) -> Edge:
-    """The Dr.Jit arrays of `numbers_of`."""
-    path, event = (
-        kind(**{part.name: to_lanes(numbers[part.name]) for part in fields(kind)})
-        for kind in (Path, Event)
-    )
-    return Edge(path, event)
+    """Edges as Dr.Jit arrays."""
+    return Edge(_part(Path, numbers), _part(Event, numbers))
+
+
+def _part(kind: type[Part], numbers: Numbers) -> Part:
+    """An edge's path or event."""
+    return kind(**{column.name: to_lanes(numbers[column.name]) for column in fields(kind)})

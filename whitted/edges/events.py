@@ -8,7 +8,7 @@
 | terminator of a specular surface | n . l |
 | edge of a checkerboard's cell | distance of the point from it |
 | onset of total internal reflection | cos_theta_t^2 |
-| a child is too faint to be traced | its weight less the least importance |
+| a child becomes too faint to be traced | its weight less the least importance |
 """
 
 import math
@@ -81,7 +81,7 @@ def classify(scene: Scene, a: Node, b: Node, limits: Limits) -> Event:
     uint, real = type(here.index), type(a.weight)
     event = Event(uint(Kind.NOTHING), here.index, here.inside, uint(NONE), uint(0), real(0))
 
-    # From the faintest event of a node to the strongest, as each overrides those before it
+    # From the faintest event of a node to the strongest: each overrides those before it
     for k, (x, y) in enumerate(zip(here.children, there.children, strict=True)):
         event.set(x != y, Kind.TOO_FAINT, other=uint(k))
     for x, y in zip(here.total, there.total, strict=True):
@@ -89,7 +89,7 @@ def classify(scene: Scene, a: Node, b: Node, limits: Limits) -> Event:
     for k in reversed(range(len(scene.lights))):
         _classify_light(scene, event, k, here, there, left.at, right.at)
     for axis, (x, y) in enumerate(zip(here.cell, there.cell, strict=True)):
-        # Of several borders the middle one, so that few rounds of the search find them all
+        # The middle one of several borders, so that few rounds of the search find them all
         near = (x != y) & (dr.abs(x - y) <= CELLS)
         event.set(near, Kind.CELL, other=uint(axis), border=real((x + y + 1) >> 1))
     _classify_hit(scene, event, a.ray, b.ray, here, there)
@@ -99,7 +99,7 @@ def classify(scene: Scene, a: Node, b: Node, limits: Limits) -> Event:
 def _classify_hit(
     scene: Scene, event: Event, a: Ray, b: Ray, here: Decisions, there: Decisions
 ) -> None:
-    """Where both surfaces go on behind each other they cross; else one of them ends."""
+    """Two surfaces cross where each goes on behind the other; else one of them ends."""
     others = here.index != there.index
     changes = others | (here.inside != there.inside)
     stays, hidden = _meets(scene, b, here.index), _meets(scene, a, there.index)
@@ -160,7 +160,11 @@ def level_function(scene: Scene, node: Node, event: Event, limits: Limits) -> tu
 
 
 def board_place(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array, Array]:
-    """Where a ray meets an event's checkerboard: column, row and distance in cells; 0 without one."""
+    """Where a ray meets the checkerboard of an event.
+
+    Returns:
+        Column, row, and the distance along the ray in cells; 0 where there is no checkerboard.
+    """
     hit = event.hit(scene, ray)
     at = surface(scene, ray, hit)
     column = row = away = type(hit.t)(0)

@@ -1,7 +1,7 @@
 """Samples on grids, and which neighbours have an edge in between.
 
-All in NumPy, on the few samples that are concerned, and in an order that does not depend on
-threads. A band's pixels are numbered row by row; image positions and lengths are in pixels.
+All of it is NumPy, and in an order that does not depend on threads. A band's pixels are numbered
+row by row. Image positions and lengths are in pixels.
 """
 
 from dataclasses import dataclass
@@ -11,24 +11,21 @@ import numpy as np
 
 from .labels import labels_differ
 
-# In place of a pixel's number: the sample is outside of what its grid stands for; and the grid to
-# the left or above has the same sample and does what there is to do with it
+# These stand in place of a pixel's number. OUTSIDE: the sample is in the margin of its grid.
+# DONE_BY_OTHER: the grid to the left or above has the same sample, and does all that concerns it
 OUTSIDE, DONE_BY_OTHER = -1, -2
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples on one or more grids of the same shape; what is not in that shape has one row for
-    each sample.
-    """
+    """Samples on grids of the same shape; all columns but `labels` have one row for each sample."""
 
     labels: np.ndarray  # (grids, rows, columns)
     x: np.ndarray  # image position
     y: np.ndarray
     pixel: np.ndarray  # the pixel that a sample counts for, OUTSIDE or DONE_BY_OTHER
-    twin: (
-        np.ndarray | None
-    )  # the place of the sample at the same position that counts for a pixel, where there are such
+    # Where grids share samples: for each the place of the one, at the same position, that counts
+    twin: np.ndarray | None
     side: int  # samples along a pixel's side
     first: int  # number of the first sample
     top: int  # to be added to y
@@ -57,12 +54,15 @@ def _band_grid(shape: tuple[int, int], side: int) -> tuple[np.ndarray, np.ndarra
 def fine_samples(
     pixels: np.ndarray, side: int, columns: int, first_row: int
 ) -> tuple[Samples, np.ndarray]:
-    """side * side samples in each of a band's pixels, which are in order, and a ring of samples
-    around it.
+    """side * side samples in each of some pixels of a band, and a ring of samples around each.
+
+    Args:
+        pixels: numbers, in order.
 
     Returns:
-        The samples without their labels, and the places of those to be traced. In a ring, corners
-        have no use, and what lies in another one of the pixels is traced there.
+        The samples, with labels to be filled in, and the places of those to be traced. The corners
+        of a ring have no use. A sample of a ring that lies in another one of the pixels is traced
+        there.
     """
     column, row = pixels % columns, pixels // columns
     grid, x, y, corners, inside = _ring(side)
@@ -92,8 +92,8 @@ def _ring(side: int) -> tuple[np.ndarray, ...]:
     """A grid of side * side places and a ring around them.
 
     Returns:
-        The places, in rows; the column and the row of each one's center, from the first inside; the
-        places of the corners; and whether each place is inside.
+        The places, in rows; the column and the row of each one's center, counted from the first
+        place inside; the places of the corners; and for each place, bool: it is inside.
     """
     ring = np.arange(-1, side + 1)
     grid = np.arange(ring.size**2).reshape(ring.size, ring.size)
@@ -108,8 +108,8 @@ def neighbours_across_edges(samples: Samples) -> tuple[np.ndarray, np.ndarray, n
     """Neighbours whose labels differ.
 
     Returns:
-        The places of the neighbours a and b, and (2, N) their pixels, of which at least one is a
-        pixel.
+        The places of the neighbours a and b, and (2, N) their pixels. At least one of a pair's two
+        numbers is a pixel.
     """
     labels, columns = samples.labels.ravel(), samples.labels.shape[2]
     places = [(np.flatnonzero(labels[step:] != labels[:-step]), step) for step in (1, columns)]
@@ -119,7 +119,7 @@ def neighbours_across_edges(samples: Samples) -> tuple[np.ndarray, np.ndarray, n
         kept = np.flatnonzero(labels_differ(labels.take(a), labels.take(b)))
         a, b = a.take(kept), b.take(kept)
     ends = samples.pixel.take(np.stack([a, b]))
-    # Not those outside, among which are those from the end of a row to the next one's start
+    # Drop pairs outside. Those from the end of a row to the start of the next one are among them
     kept = np.flatnonzero((np.maximum(*ends) >= 0) & (ends[0] != DONE_BY_OTHER))
     a, b, ends = a.take(kept), b.take(kept), ends.take(kept, 1)
     if samples.twin is not None:
@@ -128,7 +128,7 @@ def neighbours_across_edges(samples: Samples) -> tuple[np.ndarray, np.ndarray, n
 
 
 def label_counts(samples: Samples, pixels: np.ndarray) -> np.ndarray:
-    """How many labels the samples of a band's pixel and its neighbours' nearest have."""
+    """How many labels each pixel's own samples and the nearest ones around it have."""
     side, stride = samples.side, samples.labels.shape[2]
     columns = stride // side - 2
     start = (pixels // columns + 1) * side * stride + (pixels % columns + 1) * side
@@ -142,7 +142,7 @@ def label_counts(samples: Samples, pixels: np.ndarray) -> np.ndarray:
 def _distinct(labels: np.ndarray) -> np.ndarray:
     """How many different labels each column has."""
     if len(labels) == 5:
-        # Of so few, comparing all is faster than sorting
+        # For so few, comparing all is faster than sorting
         new = [~np.logical_or.reduce(labels[:k] == labels[k], 0) for k in range(1, 5)]
         return 1 + np.add.reduce(new, 0, dtype=np.uint16)
     ordered = np.sort(labels, 0)
@@ -151,8 +151,9 @@ def _distinct(labels: np.ndarray) -> np.ndarray:
 
 @lru_cache
 def _window(side: int, stride: int) -> np.ndarray:
-    """Places of a pixel's samples and its neighbours' nearest, from its first sample, in rows of
-    `stride` samples.
+    """The places of a pixel's own samples and the nearest ones around it.
+
+    They count from the pixel's first sample, in rows of `stride` samples.
     """
     across, inner = np.meshgrid(np.arange(-1, side + 1), np.arange(side))
     return np.unique(np.concatenate([inner * stride + across, across * stride + inner]))

@@ -1,7 +1,7 @@
 """The kernels of the boundary term: samples with labels, crossings, and the motion of edges.
 
-Each runs in a frozen function. All but the first have one lane for each of their inputs, whose
-number may differ from call to call.
+Each runs in a frozen function. All but the first have one lane for each of their inputs. The number
+of inputs may differ from call to call.
 """
 
 import drjit as dr
@@ -72,9 +72,7 @@ def levels_jvp(
     y: Array,
     edge: Edge,
 ) -> Array:
-    """The derivative of edges' level functions at image positions along the tangents of the
-    parameters `wrt`.
-    """
+    """The derivative of edges' level functions along the tangents of the parameters `wrt`."""
     moving = Forward(structure, parameters, size, wrt, tangents)
     ray, o, d = moving.ray(lambda frame: image_ray(frame, size, x, y))
     (slope,), _ = level_jvp(moving.scene, moving.tangents, ray, [(o, d)], limits, edge)
@@ -96,8 +94,7 @@ def levels_vjp(
     y: Array,
     edge: Edge,
 ) -> Parameters:
-    """The derivatives by `wrt` of dot(adjoint, pixels), which edges change as their level functions
-    grow.
+    """The derivatives by `wrt` of dot(adjoint, pixels), where edges change the pixels.
 
     Args:
         pixels: Array2u, the two pixels that an edge changes.

@@ -41,13 +41,11 @@ class Decisions:
     inside: Array  # Bool: from within
     cell: tuple[Array, ...]  # Int: column and row of the checkerboard; empty in a scene without one
     lights: tuple[Array, ...]  # Bool for each light: something keeps it away
-    veils: tuple[
-        Array, ...
-    ]  # UInt32 for each light: a hash of what dims it; empty where all shadows are full
+    # UInt32 for each light: a hash of what dims it; empty where all shadows are full
+    veils: tuple[Array, ...]
     children: tuple[Array, ...]  # Bool for each child: it is traced
-    total: tuple[
-        Array, ...
-    ]  # Bool: internal reflection is total; empty in a scene without glass or polish
+    # Bool: all light is reflected, none refracted; empty in a scene without glass or polish
+    total: tuple[Array, ...]
 
     @property
     def flags(self) -> tuple[Array, ...]:
@@ -74,7 +72,7 @@ def decide(scene: Scene, seen: Visit) -> Decisions:
 
 
 def cos_theta_t_squared(scene: Scene, ray: Ray, at: Surface) -> tuple[Array, Array]:
-    """The square of the refracted ray's cosine, and whether reflection is total."""
+    """The square of the refracted ray's cosine, and Bool: reflection is total."""
     return transmission(dr.fmax(-dr.dot(at.n, ray.d), 0), relative_index(scene, at))
 
 
@@ -160,7 +158,10 @@ def labelled_radiance(scene: Scene, ray: Ray, limits: Limits) -> tuple[Array, Ar
 
 
 def _mix(label: Array, decisions: Decisions) -> Array:
-    """A label with the decisions of one more node, by the steps of MurmurHash3 (A. Appleby 2011)."""
+    """A label with the decisions of one more node.
+
+    Source: the steps of MurmurHash3, A. Appleby, 2011.
+    """
     flags = decisions.flags
     words = [decisions.index, *(type(label)(cell) for cell in decisions.cell), *decisions.veils]
     for first in range(0, len(flags), 32):
@@ -185,7 +186,7 @@ def joined(halves: Sequence[Array]) -> Array:
 
 
 def labels_differ(a: Array, b: Array) -> Array:
-    """Whether an edge is between samples with these labels (arrays of Dr.Jit or of NumPy)."""
+    """Bool: an edge is between samples with these labels (arrays of Dr.Jit or of NumPy)."""
     size = a.itemsize if isinstance(a, np.ndarray) else dr.itemsize_v(a)
     if size == 4:
         return a != b

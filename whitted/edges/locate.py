@@ -1,6 +1,4 @@
-"""Where an edge crosses the segment between two neighbouring samples, and what of it each sample's
-cell has.
-"""
+"""Where an edge crosses the segment between two samples, and how it divides their cells."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -54,23 +52,24 @@ class Segment:
 
     def at(self, along: Array) -> tuple[Array, Array]:
         """The image position at a distance from a."""
-        return self.x + dr.select(self.vertical, 0, along), self.y + dr.select(
-            self.vertical, along, 0
-        )
+        right, down = dr.select(self.vertical, 0, along), dr.select(self.vertical, along, 0)
+        return self.x + right, self.y + down
 
 
 @dataclass
 class Crossing:
-    """An edge between a and b. What it moves from one sample's cell to the other's is a multiple of
-    its jump.
-    """
+    """An edge between a and b, which moves multiples of its jump from one cell to the other."""
 
     found: Array  # Bool
     along: Array  # distance from a
-    moved: Array  # Array2f: what the cells of a and b gain, as the edge is not midway, and at an angle to the segment
+    # Array2f: what the cells of a and b gain, since the edge is not midway and not at right angles
+    moved: Array
     change: Array  # Array2f: what they gain as the level function grows
-    weight: Array  # the share of the edge that pairs of this direction account for; those of the other have the rest
-    singular: Array  # Bool: radiance near the edge changes like the root of the distance, or faster, enough to matter
+    # The share of the edge that pairs of this direction account for; pairs of the other have the
+    # rest
+    weight: Array
+    # Bool: radiance near the edge changes like the root of the distance or faster, enough to matter
+    singular: Array
     behind: Array  # Bool: it does so behind the edge, not before it
     jump: Array  # Array3f: radiance right before the edge less that right behind it
     label_before: Array  # UInt32 or UInt64: the labels there
@@ -102,8 +101,8 @@ class _Slopes:
     along: Array  # its slope along the segment, per pixel
     across: Array  # and across it
     counts: Array  # how much of the edge's motion counts
-    # Cosines at which the surfaces of a crease are met, in units of how far the ray turns from one
-    # sample to the next
+    # The cosines at which the surfaces of a crease are met, in units of the angle that the ray
+    # turns by from one sample to the next
     cosines: tuple[Array, Array]
 
 
@@ -119,6 +118,8 @@ def cross(shot: Shot, segment: Segment) -> Crossing:
     color, label = _both_sides(shot, segment, along, gap, edge.path, valid)
     found = valid & labels_differ(*label)
 
+    left_before = labels_differ(label[0], segment.label_start)
+    left_behind = labels_differ(label[1], segment.label_stop)
     on, other = slopes.cosines
     grazes = (on < GRAZING) | (other < GRAZING)
     rooted = has_rooted_outline(shot.scene, edge.event)
@@ -134,12 +135,8 @@ def cross(shot: Shot, segment: Segment) -> Crossing:
         jump=dr.select(found, color[0] - color[1], 0),
         label_before=label[0],
         label_behind=label[1],
-        more_before=valid
-        & labels_differ(label[0], segment.label_start)
-        & (along - segment.start > 2 * gap),
-        more_behind=valid
-        & labels_differ(label[1], segment.label_stop)
-        & (segment.stop - along > 2 * gap),
+        more_before=valid & left_before & (along - segment.start > 2 * gap),
+        more_behind=valid & left_behind & (segment.stop - along > 2 * gap),
         gap=gap,
         edge=edge,
     )
@@ -148,18 +145,20 @@ def cross(shot: Shot, segment: Segment) -> Crossing:
 def _areas(
     segment: Segment, along: Array, slopes: _Slopes, valid: Array
 ) -> tuple[Array, tuple[Array, Array], tuple[Array, Array]]:
-    """The share of the edge, and the areas that it moves between the cells of a and b, now and as
-    its level grows.
+    """The share of the edge, and the areas that it moves between the cells of a and b.
 
-    The segment's line stands for a strip as wide as the segment is long, in which the edge is
+    The segment's line stands for a strip as wide as the segment is long. In it the edge is
     straight.
+
+    Returns:
+        The share, the areas, and the areas for a unit of growth of the level function.
     """
     slope, across, length = slopes.along, slopes.across, segment.length
-    # Scaled, as fourth powers leave the range of single precision
+    # Scaled, since fourth powers would leave the range of single precision
     largest = dr.fmax(dr.abs(slope), dr.abs(across))
     u, v = dr.square(slope / largest), dr.square(across / largest)
     weight = dr.select(valid, u * u / dr.fma(u, u, v * v), 0)
-    # How far the edge moves along the pair from one line of samples to the next, halved
+    # Half of how far the edge shifts along the pair, from one line of samples to the next
     tilt = length / 2 * dr.fmin(dr.fmax(dr.abs(across / slope), LEAST_TILT), 1)
     past = along - length / 2
     within = -(tilt - past) * (tilt - past) / (4 * tilt)
@@ -173,9 +172,7 @@ def _areas(
 def _both_sides(
     shot: Shot, segment: Segment, along: Array, gap: Array, path: Path, valid: Array
 ) -> tuple[tuple, tuple]:
-    """Radiance and labels right before an edge at a path's node and right behind it, if it is
-    valid.
-    """
+    """Radiance and labels right before an edge and right behind it, in valid lanes."""
 
     def look(k, colors, labels):
         ray = shot.ray(segment, along + dr.select(k == 0, -gap, gap))
@@ -188,9 +185,11 @@ def _both_sides(
     color: Any = dr.zeros(type(shot.scene.background), width)
     label: Any = dr.zeros(type(segment.label_start), width)
     state: Any = dr.zeros(ad.Int, width), (color, color + 0), (label, label + 0)
-    return dr.while_loop(
-        state, lambda k, *_: valid & (k < 2), look, mode="symbolic", label="sides"
-    )[1:]
+
+    def goes_on(k, *_):
+        return valid & (k < 2)
+
+    return dr.while_loop(state, goes_on, look, mode="symbolic", label="sides")[1:]
 
 
 def _locate(shot: Shot, segment: Segment) -> tuple[Array, Edge, Array]:
@@ -202,9 +201,8 @@ def _locate(shot: Shot, segment: Segment) -> tuple[Array, Edge, Array]:
         Its distance from a, what it is, and the weight of its node.
     """
     scene, limits = shot.scene, shot.limits
-    flip = strongest_difference(
-        scene, shot.ray(segment, segment.start), shot.ray(segment, segment.stop), limits
-    )
+    rays = shot.ray(segment, segment.start), shot.ray(segment, segment.stop)
+    flip = strongest_difference(scene, *rays, limits)
     path = flip.path
     low, high, a, b = _halve(shot, segment, path, flip.a, flip.b)
     event = classify(scene, a, b, limits)
@@ -213,14 +211,14 @@ def _locate(shot: Shot, segment: Segment) -> tuple[Array, Edge, Array]:
         level, faint = level_function(scene, node, event, limits)
         return level + faint * node.weight
 
-    # Of an edge at a sample itself rounding decides on which side that is, and on the level's sign
+    # Where an edge is right at a sample, rounding decides which side that is on, and the level's
+    # sign
     ends: list[Any] = [value(a), value(b)]
     largest = dr.fmax(dr.abs(ends[0]), dr.abs(ends[1]))
     rounded = ends[0] * ends[1] > 0
     ends = [dr.select(rounded & (dr.abs(end) < ON_SAMPLE * largest), 0, end) for end in ends]
-    crosses = (
-        (flip.weight > 0) & (event.kind != Kind.NOTHING) & (ends[0] * ends[1] <= 0) & (largest > 0)
-    )
+    changes_sign = (ends[0] * ends[1] <= 0) & (largest > 0)
+    crosses = (flip.weight > 0) & (event.kind != Kind.NOTHING) & changes_sign
 
     def level_at(along: Array) -> Array:
         return value(follow(scene, shot.ray(segment, along), path, limits))
@@ -234,9 +232,7 @@ def _locate(shot: Shot, segment: Segment) -> tuple[Array, Edge, Array]:
 def _halve(
     shot: Shot, segment: Segment, path: Path, a: Node, b: Node
 ) -> tuple[Array, Array, Node, Node]:
-    """The half of a segment that has the first flip of the node's decisions, and the nodes at its
-    ends.
-    """
+    """The half of a segment where the node's decisions first flip, and the nodes at its ends."""
 
     def decided(node: Node) -> Any:
         return decide(shot.scene, visit(shot.scene, node, shot.limits))
@@ -259,22 +255,18 @@ def _slopes(shot: Shot, segment: Segment, along: Array, edge: Edge) -> _Slopes:
         dr.set_grad(at[axis], 1)
         push_forward(at[axis])
         directions.append((dr.grad(ray.o), dr.grad(ray.d)))
-    (right, down), arriving = level_jvp(
-        shot.scene, {}, dr.detach(ray), directions, shot.limits, edge
-    )
+    still, limits = dr.detach(ray), shot.limits
+    (right, down), arriving = level_jvp(shot.scene, {}, still, directions, limits, edge)
     vertical, length = segment.vertical, segment.length
     turn = dr.norm(dr.select(vertical, down.turn, right.turn)) * length
     on, other = crease_cosines(shot.scene, arriving, edge.event)
     counts = type(along)(1)
     if boards(shot.scene):
-        cells = [
-            dr.abs(slope) * length for slope in (right.column, right.row, down.column, down.row)
-        ]
-        most = dr.fmax(dr.fmax(*cells[:2]), dr.fmax(*cells[2:]))
+        across = dr.fmax(dr.abs(right.column), dr.abs(right.row))
+        most = dr.fmax(across, dr.fmax(dr.abs(down.column), dr.abs(down.row))) * length
         away = board_place(shot.scene, arriving, edge.event)[2]
-        small = smooth_step(FULL_MOTION_CELLS, CELLS, most) * smooth_step(
-            FAR_CELLS / 2, FAR_CELLS, away
-        )
+        small = smooth_step(FULL_MOTION_CELLS, CELLS, most)
+        small *= smooth_step(FAR_CELLS / 2, FAR_CELLS, away)
         counts = dr.select(edge.event.kind == Kind.CELL, 1 - small, 1)
     return _Slopes(
         along=dr.select(vertical, down.level, right.level),
@@ -287,8 +279,10 @@ def _slopes(shot: Shot, segment: Segment, along: Array, edge: Edge) -> _Slopes:
 def _root(
     function: Callable[[Array], Array], a: Array, b: Array, at_a: Array, at_b: Array, active: Array
 ) -> Array:
-    """The root of a function between a and b, if active, by the Pegasus method (M. Dowell, P.
-    Jarratt, BIT 12, 1972).
+    """The root of a function between a and b, in active lanes, by the Pegasus method.
+
+    Source: M. Dowell, P. Jarratt, "The Pegasus Method for Computing the Root of an Equation", BIT
+    12 (1972).
     """
     near = (b - a) * ROOT_TOLERANCE[precision_of(a).name]
 

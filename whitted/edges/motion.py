@@ -1,6 +1,4 @@
-"""How edges move: derivatives of level functions, along the chain of rays that leads to the event's
-node.
-"""
+"""How edges move: derivatives of level functions along the chain of rays to an event's node."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -47,17 +45,15 @@ def level_jvp(
     limits: Limits,
     edge: Edge,
 ) -> tuple[list[Slope], Ray]:
-    """The derivatives of the level function of an event at the end of a chain, in several
-    directions (forward mode).
+    """The derivatives of an event's level function in several directions, in forward mode.
 
     Args:
         slopes: for each direction, tangents of the rays' origins and directions; others are as for
             `radiance_jvp`.
 
     Returns:
-        The derivatives in each direction, and the ray that arrives.
+        The derivatives in each direction, and the ray that arrives at the event's node.
     """
-
     first = Node.first(ray)
     state = first, [Tangent.first(first, o, d) for o, d in slopes], edge.path.bounces > 0
 
@@ -71,11 +67,8 @@ def level_jvp(
             child = seen.child(branch)
             push_forward(inputs)
             following.append(Tangent.of(child))
-        return (
-            dr.detach(child),
-            following,
-            dr.detach(branch.active) & (node.depth < edge.path.bounces),
-        )
+        goes_on = dr.detach(branch.active) & (node.depth < edge.path.bounces)
+        return dr.detach(child), following, goes_on
 
     if reflects(scene):
         state = dr.while_loop(state, lambda *s: s[-1], bounce, mode="symbolic", label="level_jvp")
@@ -85,9 +78,9 @@ def level_jvp(
         inputs, there, moving = attached(scene, tangents, node, tangent)
         value, faint = level_function(there, moving, edge.event, limits)
         column, row, _ = board_place(there, moving.ray, edge.event)
-        outputs = value + faint * moving.weight, column, row
+        level = value + faint * moving.weight
         push_forward(inputs)
-        results.append(Slope(*(dr.grad(x) for x in outputs), tangent.d))
+        results.append(Slope(dr.grad(level), dr.grad(column), dr.grad(row), tangent.d))
     return results, dr.detach(moving.ray)
 
 
@@ -100,9 +93,7 @@ def level_vjp(
     limits: Limits,
     edge: Edge,
 ) -> tuple[dict[str, Array], Array, Array]:
-    """The derivatives of seed * (level function of an event at the end of a chain), like
-    `radiance_vjp`.
-    """
+    """The derivatives of seed * (an event's level function), in reverse mode, as `radiance_vjp`."""
     return walk_back(_Chain(scene, wide, seed, limits, None, edge), sums, ray)
 
 
@@ -113,9 +104,7 @@ class _Chain(Tree):
     edge: Edge
 
     def arrive(self, place, stack, sums):
-        """Trace a ray: go on with the child that the path takes, and at its end differentiate the
-        level function.
-        """
+        """Trace a ray: go on along the path, or differentiate the level function at its end."""
         if not reflects(self.scene):
             return self.end(place, stack, sums)
         return dr.if_stmt(

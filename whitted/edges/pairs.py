@@ -20,15 +20,14 @@ class Pairs:
     sample: np.ndarray  # (2, N): numbers of a and b
     label: np.ndarray  # (2, N)
     order: np.ndarray  # (2, N), of `walk_order`
-    pixel: (
-        np.ndarray
-    )  # (2, N): the pixels that a and b belong to, below 0 where those are not to be corrected
+    # (2, N): the pixels that a and b belong to; below 0 where those are not to be corrected
+    pixel: np.ndarray
 
     def __len__(self) -> int:
         return len(self.x)
 
     def ends(self, which: np.ndarray) -> np.ndarray:
-        """(2, N): one number for the sample a of some pairs and their direction, and one for b's."""
+        """(2, N): numbers that tell each sample and the direction of its pair, for a and for b."""
         return self.sample.take(which, 1) * 2 + self.vertical.take(which)
 
 
@@ -48,13 +47,11 @@ class Crossings:
     pair: np.ndarray  # the pair's number
     along: np.ndarray  # distance from a
     jump: np.ndarray  # (3, N): radiance before the edge less that behind it
-    change: (
-        np.ndarray
-    )  # (2, N): how much more of it the cells of a and of b have as the level function grows
+    # (2, N): how much more of the jump the cells of a and of b get as the level function grows
+    change: np.ndarray
     weight: np.ndarray  # the share of the edge that pairs of this direction account for
-    singular: (
-        np.ndarray
-    )  # bool: radiance near the edge changes like the square root of the distance, or faster
+    # bool: radiance near the edge changes like the square root of the distance, or faster
+    singular: np.ndarray
     behind: np.ndarray  # bool: it does so behind the edge, not before it
 
     def __len__(self) -> int:
@@ -80,15 +77,17 @@ def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray) -
 
 
 def walk_order(labels: np.ndarray) -> np.ndarray:
-    """An order in which equal trees of rays come together. Sixteen bits, which NumPy sorts in
-    linear time.
+    """An order that puts equal trees of rays together.
+
+    It has sixteen bits, which NumPy sorts in linear time.
     """
     return labels.astype(np.uint16)
 
 
 def interleaved(order: np.ndarray) -> np.ndarray:
-    """Lanes of which neighbours do like work, with packets dealt out in turn: threads get equal
-    shares of all work.
+    """Lanes with their packets dealt out in turn.
+
+    Neighbouring lanes do like work; dealt out, threads get equal shares of it.
     """
     whole = len(order) // (SHARES * PACKET) * SHARES * PACKET
     dealt = order[:whole].reshape(-1, SHARES, PACKET).swapaxes(0, 1).ravel()

@@ -1,11 +1,11 @@
-"""One chain of rays in the tree: the way from the camera to the node where an edge has its cause.
+"""One chain of rays in the tree: from the camera to the node where an edge has its cause.
 
-An edge of the image is one decision, at one node, that flips. The node is reached by one chain of
-reflections and refractions, so that finding the edge and its motion costs a chain, and not the
-tree.
+An edge of the image is one decision that flips, at one node. One chain of reflections and
+refractions leads to the node. So finding the edge, and how it moves, costs a chain and not a tree.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
 
@@ -27,8 +27,8 @@ from .labels import (
     with_node,
 )
 
-# Bounces whose choice between reflection and refraction a path remembers; beyond, where a node has
-# both children, it goes on with the reflected one
+# A path remembers the choice between reflection and refraction for this many bounces. After them
+# it goes on with the reflected ray wherever a node sends both
 REMEMBERED = 64
 
 
@@ -40,12 +40,13 @@ class Path:
     turns: Array  # UInt64: a bit for each bounce, 1 where it goes on with the refracted ray
 
     def refracts(self, bounce: Array) -> Array:
-        """Whether the path goes on with the refracted ray of a node that sends both."""
+        """Bool: the path goes on with the refracted ray of a node that sends both."""
         return ((self.turns >> type(self.turns)(bounce)) & 1) != 0
 
     def onward(self, seen: Visit) -> tuple[Branch, Array]:
-        """The child that the path goes on with, and whether it is the first: the only active one,
-        or as it turns.
+        """The child that the path goes on with, and Bool: it is the node's first child.
+
+        Where only one child is active, it is that one; else the path's turns decide.
         """
         if len(seen.branches) == 1:
             return seen.branches[0], type(seen.branches[0].active)(True)
@@ -72,11 +73,10 @@ def follow(scene: Scene, ray: Ray, path: Path, limits: Limits) -> Node:
 
 
 def contrasted(scene: Scene, ray: Ray, path: Path, limits: Limits) -> tuple[Array, Array]:
-    """Radiance along rays, as far as it may change where the decisions of a path's node flip, and
-    labels.
+    """Radiance that may change where the decisions of a path's node flip, and labels.
 
-    What is too faint for an edge is left out unless the light of that node is in it: on both sides
-    of the edge it is the same.
+    Chains that are too faint for an edge are left out, unless they pass that node: their light is
+    the same on both sides of the edge.
     """
     if not reflects(scene):
         return labelled_radiance(scene, ray, limits)
@@ -108,8 +108,9 @@ def contrasted(scene: Scene, ray: Ray, path: Path, limits: Limits) -> tuple[Arra
 
 @dataclass
 class Pair:
-    """Two nodes that two rays reach in the same way (not frozen: Dr.Jit's loops write to their
-    state).
+    """Two nodes that two rays reach in the same way.
+
+    Not frozen: Dr.Jit's loops write to their state.
     """
 
     a: Node
@@ -128,8 +129,9 @@ class Pair:
 
     @property
     def weight(self) -> Array:
-        """The larger one of two weights: between a silhouette and a sample it may be that of the
-        one or the other.
+        """The larger one of the two nodes' weights.
+
+        Beside a silhouette the weight changes fast, and either ray may have the larger one.
         """
         return dr.fmax(dr.abs(self.a.weight), dr.abs(self.other_weight))
 
@@ -139,24 +141,24 @@ class Pair:
 
 
 def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> Pair:
-    """Walk the trees of two rays at once for the node of the largest weight at which they decide
-    differently.
+    """The node of the largest weight at which the trees of two rays decide differently.
+
+    Both trees are walked at once.
 
     Returns:
         The two rays that arrive at the node; their weight is 0 where there is no such node.
     """
     first, second = Node.first(a), Node.first(b)
-    long = dr.uint64_array_t(type(a.source))
+    long: Any = dr.uint64_array_t(type(a.source))
     root = Pair.of(first, second, dr.zeros(long, dr.width(first)))
 
     def step(pair, best):
         left, right = visit(scene, pair.a, limits), visit(scene, pair.b, limits)
-        differ = decisions_differ(decide(scene, left), decide(scene, right)) & (
-            pair.weight >= limits.faint
-        )
+        differ = decisions_differ(decide(scene, left), decide(scene, right))
+        differ &= pair.weight >= limits.faint
         best = dr.select(differ & (pair.weight > best.weight), pair, best)
-        # Below a node all weigh less: where that is too faint for an edge, or than the best so far,
-        # none is of use
+        # All nodes below one weigh less than it does. So there is nothing to find below a node that
+        # is too faint for an edge, or fainter than the best so far
         least = dr.fmax(limits.faint, best.weight)
         children, onward = [], []
         for turn, (x, y) in enumerate(zip(left.branches, right.branches, strict=True)):

@@ -1,15 +1,17 @@
-"""Samples that integrate radiance between two neighbours with an edge in between, in place of the
-two.
+"""Samples beside an edge, which integrate radiance in place of the two neighbours around it.
 
-On one side of a silhouette, where the sphere is, radiance is a + b sqrt(distance) + c distance +
-..., because so is the normal, and its derivative a / sqrt(distance) + b + ...; the same holds where
-refraction ends in total reflection. There two of Gauss's points in sqrt(distance) integrate
-radiance up to the term in distance, and its derivative as far. They also do better than samples
-where a surface, met at a small angle, runs off into the distance between the two. On the other side
-there is one sample, in the middle. The border between the two neighbours' cells cuts one of the
-sides; the part between it and the edge has a sample of its own. Where several edges are between the
-neighbours, as where curved mirrors touch, what lies between two of them is small and bright, and
-each part is cut into pieces with as many samples.
+On the sphere's side of a silhouette the normal changes like the square root of the distance from
+the edge, and so does radiance: a + b sqrt(distance) + c distance + ... Its derivative is a /
+sqrt(distance) + b + ... The same holds where refraction ends in total reflection. On that side, two
+of Gauss's points in sqrt(distance) integrate radiance up to the term in distance, and its
+derivative as far. They also do better than samples where a surface that is met at a small angle
+runs off into the distance between the two neighbours.
+
+On the other side one sample in the middle is enough. The border between the neighbours' cells cuts
+one of the two sides. The part between the border and the edge has a sample of its own.
+
+Several edges may lie between the neighbours, for example where curved mirrors touch. What lies
+between two such edges is small and bright. Each part is then cut into pieces with as many samples.
 """
 
 from dataclasses import dataclass
@@ -23,8 +25,7 @@ from .tables import rows_of
 
 @dataclass(frozen=True)
 class Interval:
-    """The line through two neighbours a and b, or the part of it that is nearest to one of its
-    edges; a table.
+    """The part of the line through two neighbours a and b that is nearest to one edge; a table.
 
     Distances are from a, in pixels, along the line.
     """
@@ -37,12 +38,12 @@ class Interval:
     start: np.ndarray
     stop: np.ndarray
     behind: np.ndarray  # bool: the square root is behind the edge, not before it
-    weight: np.ndarray  # in the pixel of a or that of b, for a unit of length
+    weight: np.ndarray  # in the pixel of a or of b, for a unit of length
 
 
 @dataclass(frozen=True)
 class Extra:
-    """Samples in pixels that are sampled anew, and beside edges; a table."""
+    """Samples beside edges, and those of pixels that are sampled anew; a table."""
 
     x: np.ndarray
     y: np.ndarray
@@ -55,16 +56,16 @@ class Extra:
 def intervals_beside(
     crossings: Crossings, pairs: Pairs, ends: np.ndarray
 ) -> tuple[Interval, np.ndarray, np.ndarray]:
-    """The lines to sample anew, which are those of pairs with a singular edge.
+    """The lines to sample anew: those of pairs with a singular edge.
 
     An interval goes halfway to the next crossing, or to the end of a sample's cell.
 
     Args:
-        ends: those of all pairs with a singular edge (`Pairs.ends`).
+        ends: `Pairs.ends` of all pairs with a singular edge.
 
     Returns:
-        The intervals, each one's pair, and (2, N) what they take away from the samples a and b, as
-        parts of those.
+        The intervals, the pair of each, and (2, N) the parts of the samples a and b that they
+        replace.
     """
     singular = np.zeros(len(pairs), bool)
     singular[crossings.pair[crossings.singular]] = True
@@ -76,14 +77,14 @@ def intervals_beside(
     h = here.length
     begins = np.diff(pair, prepend=-1) != 0
     last = np.roll(begins, -1)
-    # Where the pair on the other side of a sample has a singular edge as well, each takes half of
-    # the sample's cell
+    # Where the pair on the other side of a sample has a singular edge as well, each pair takes half
+    # of the sample's cell
     a, b = pairs.ends(pair)
     before = np.where(_is_marked(ends[1], a), 0, h / 2)
     after = np.where(_is_marked(ends[0], b), 0, h / 2)
-    # All crossings of a pair share one weight, so that its samples are taken away as a whole. Pairs
-    # along an edge take none and those across it all: a part of a sample that is close to the edge
-    # would spoil the sum
+    # All crossings of a pair share one weight, so that its samples are replaced as a whole. Pairs
+    # along an edge replace nothing, and those across it everything: a part of a sample close to the
+    # edge would spoil the sum
     first = np.flatnonzero(begins)
     count = np.diff(first, append=len(pair))
     mean = np.add.reduceat(found.weight, first) / count
@@ -96,8 +97,9 @@ def intervals_beside(
 
 
 def _is_marked(marks: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-    """Whether each number is among the marks, all of them small (np.isin first looks for their
-    range, which takes long).
+    """For each number, bool: it is among the marks.
+
+    All are small. (np.isin first looks for their range, which takes long.)
     """
     table = np.zeros(1 + max(marks.max(initial=0), numbers.max(initial=0)), bool)
     table[marks] = True
@@ -105,7 +107,7 @@ def _is_marked(marks: np.ndarray, numbers: np.ndarray) -> np.ndarray:
 
 
 def samples_beside(interval: Interval, pieces: int, pixel: np.ndarray, order: np.ndarray) -> Extra:
-    """The samples of intervals in pieces.
+    """The samples of intervals, each part of which is cut into pieces.
 
     Args:
         pixel, order: (2, N), of the samples a and b.
@@ -126,11 +128,11 @@ def nodes(interval: Interval, pieces: int) -> tuple[np.ndarray, ...]:
     side of the square root, the last on the other.
 
     Args:
-        pieces: into which each of the three parts is cut, those on the side of the square root at
+        pieces: how many each of the three parts is cut into; on the side of the square root, at
             equal steps of it.
 
     Returns:
-        Image position x, y, weight, and whether the samples are in b's cell and behind the edge.
+        Image position x, y, weight, bool: in b's cell, and bool: behind the edge.
     """
     c, rooted = interval.edge, interval.behind
     border = np.minimum(np.maximum(interval.length / 2, interval.start), interval.stop)
@@ -138,7 +140,7 @@ def nodes(interval: Interval, pieces: int) -> tuple[np.ndarray, ...]:
     facing = cut == rooted
     before, after = c - interval.start, interval.stop - c
 
-    # From where to where the parts beyond both are, as distances from the edge
+    # Where the parts beyond both begin and end, as distances from the edge
     low, start = np.where(facing, between, 0), np.where(facing, 0, between)
     high = np.maximum(np.where(rooted, after, before), low)
     stop = np.maximum(np.where(rooted, before, after), start)

@@ -1,13 +1,13 @@
 """Which pixels are sampled anew, and how finely: those where edges meet or crowd.
 
-A pair of samples sees one edge well. Where three labels or more are around a pixel, edges meet
-there, or several lie between two samples, and the corrections of pairs would overlap. Such a pixel
-is sampled anew, with more samples and pairs of its own (adaptive subdivision: Whitted 1980).
+A pair of samples sees one edge well. Where three labels or more are around a pixel, edges meet, or
+several lie between two samples. The corrections of pairs would overlap there. Such a pixel is
+sampled anew, with more samples and with pairs of its own (adaptive subdivision: Whitted 1980).
 
-With one sample a pixel, three labels are often one edge that ends at another, and 2 x 2 samples do.
-Five labels are worth 4 x 4, if there are enough such pixels to pay for a group of their own. With n
-x n samples, n up to 4, such a pixel gets 4 n x 4 n; with more, edges that crowd are fewer, and
-twice as many along a side do.
+With one sample a pixel, three labels often mean one edge that ends at another; 2 x 2 samples are
+enough. Five labels are worth 4 x 4 samples, if there are enough such pixels to pay for a group of
+their own. With n x n samples, n up to 4, a pixel gets 4 n x 4 n. With more samples fewer edges
+crowd, and 2 n x 2 n are enough.
 """
 
 import numpy as np
@@ -43,7 +43,7 @@ def crowded(ends: np.ndarray, side: int) -> np.ndarray:
     touched = np.sort(ends, None)
     touched = touched[np.searchsorted(touched, 0) :]
     again = np.diff(touched, prepend=-1) == 0
-    # A single sample has another neighbour on each side; of several all may be on the same side
-    return touched.take(
-        np.flatnonzero(again[1:] > again[:-1]) + 1 if side == 1 else np.flatnonzero(~again)
-    )
+    # With one sample a pixel, three labels take two pairs. With several samples, one pair may tell
+    # of three labels
+    firsts = np.flatnonzero(again[1:] > again[:-1]) + 1 if side == 1 else np.flatnonzero(~again)
+    return touched.take(firsts)

@@ -1,4 +1,4 @@
-"""The search for a band's edges, which corrects the band's pixels."""
+"""The search for the edges in a band, which corrects the band's pixels."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -9,7 +9,7 @@ from ..core.arrays import Array
 from ..core.host import chunks, stacked, to_numpy
 from ..sampling.band import Band
 from . import kernels, settings
-from .correction import Found, Numbers, numbers_of
+from .found import Crossed, Found, numbers_of
 from .grid import Samples, band_samples, fine_samples, neighbours_across_edges
 from .locate import Crossing, Segment
 from .pairs import Crossings, Moves, Pairs, interleaved, pairs_of
@@ -18,8 +18,10 @@ from .tables import concatenated, deposit, rows_of
 
 
 def correct(band: Band, keep: bool) -> tuple[Array, Found | None]:
-    """A band's pixels, row-major with RGB interleaved, and, if it is to be kept, what their
-    derivatives need.
+    """A band's pixels, row-major with RGB interleaved, corrected where edges cross them.
+
+    Args:
+        keep: also return what the derivatives of the pixels need.
     """
     return _Search(band, keep).run()
 
@@ -38,18 +40,15 @@ class _Search:
         grid = labels.numpy().reshape((band.rows + 2) * band.side, -1)
         self.samples = band_samples(grid, band.side, band.first_row)
         self.moves: dict[int, list[Moves]] = {}  # by the round of the search
-        self.crossed: list[
-            tuple[Pairs, Crossings, Numbers]
-        ] = []  # what derivatives need of each chunk
+        self.crossed: list[Crossed] = []  # one for each chunk of pairs
 
     def run(self) -> tuple[Array, Found | None]:
         band, samples = self.band, self.samples
         a, b, ends = neighbours_across_edges(samples)
         groups = groups_to_refine(samples, ends)
         columns, top = band.resolution[0], band.first_row
-        places = [
-            fine_samples(pixels, side, columns, top) for pixels, side in groups if pixels.size
-        ]
+        finer = [(pixels, side) for pixels, side in groups if pixels.size]
+        places = [fine_samples(pixels, side, columns, top) for pixels, side in finer]
         traced = self.trace(places)
 
         # Pixels that are sampled anew have pairs of their own
@@ -60,9 +59,8 @@ class _Search:
         kept = np.flatnonzero(np.maximum(*ends) >= 0)
         regular = pairs_of(samples, a.take(kept), b.take(kept), ends.take(kept, 1))
         fine = self.refine(places, traced)
-        pairs = concatenated(
-            [regular, *(pairs_of(group, *neighbours_across_edges(group)) for group in fine)]
-        )
+        within = [pairs_of(group, *neighbours_across_edges(group)) for group in fine]
+        pairs = concatenated([regular, *within])
         for part in chunks(len(pairs), settings.LANES):
             whole = len(pairs) <= settings.LANES
             self.cross(pairs if whole else rows_of(pairs, np.arange(part.start, part.stop)))
@@ -73,14 +71,11 @@ class _Search:
         """Begin to trace finer samples: their radiance and labels."""
         if not fine:
             return []
-        x, y = (
-            np.concatenate([getattr(group, name)[places] for group, places in fine])
-            for name in "xy"
-        )
-        band, parts = self.band, chunks(len(x), settings.SAMPLES)
-        return [
-            kernels.labelled_samples(*band.inputs, *band.lanes(x[part], y[part])) for part in parts
-        ]
+        x = np.concatenate([group.x[places] for group, places in fine])
+        y = np.concatenate([group.y[places] for group, places in fine])
+        parts = chunks(len(x), settings.SAMPLES)
+        lanes = (self.band.lanes(x[part], y[part]) for part in parts)
+        return [kernels.labelled_samples(*self.band.inputs, *place) for place in lanes]
 
     def refine(
         self, fine: list[tuple[Samples, np.ndarray]], traced: list[tuple[Array, Array]]
@@ -92,11 +87,8 @@ class _Search:
         labels = np.concatenate([label.numpy() for _, label in traced])
         result, number, done = [], self.samples.labels.size, 0
         for group, places in fine:
-            shape, size, part = (
-                group.labels.shape,
-                group.labels.size,
-                slice(done, done + len(places)),
-            )
+            shape, size = group.labels.shape, group.labels.size
+            part = slice(done, done + len(places))
             label, color = np.zeros(size, labels.dtype), np.zeros((size, 3), colors.dtype)
             label[places], color[places] = labels[part], colors[part]
             label = label.take(group.counted(np.arange(size)))
@@ -117,16 +109,20 @@ class _Search:
                 change = stacked(crossing.change, lane)
                 moves = np.flatnonzero(change.any(0))
                 lane = lane.take(moves)
-                found = {
-                    name: getattr(crossing, name).take(lane)
-                    for name in ("along", "weight", "singular", "behind")
-                }
-                jump, change = jump.take(moves, 1), change.take(moves, 1)
-                groups.append(Crossings(pair=pair.take(moves), jump=jump, change=change, **found))
+                found = Crossings(
+                    pair=pair.take(moves),
+                    along=crossing.along.take(lane),
+                    jump=jump.take(moves, 1),
+                    change=change.take(moves, 1),
+                    weight=crossing.weight.take(lane),
+                    singular=crossing.singular.take(lane),
+                    behind=crossing.behind.take(lane),
+                )
+                groups.append(found)
                 edges.append(numbers_of(crossing.edge, lane))
         if any(groups):
             edge = {name: np.concatenate([edge[name] for edge in edges]) for name in edges[0]}
-            self.crossed.append((pairs, concatenated(groups), edge))
+            self.crossed.append(Crossed(pairs, concatenated(groups), edge))
 
     def move(self) -> None:
         """Correct the pixels, in an order that does not depend on the chunks."""
@@ -135,12 +131,12 @@ class _Search:
 
 
 def _rounds(band: Band, pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray, Crossing]]:
-    """Edges between pairs of samples, and then those in what is left of the segments.
+    """Edges between pairs of samples, and then those in the rest of the segments.
 
     While the crossings of a round are used, those of the next round are already being computed.
 
     Yields:
-        Each edge's pair, in order, its lane, and the crossings, whose arrays are NumPy's.
+        The pair of each edge, in order; its lane; and the crossings, with NumPy arrays.
     """
 
     def search(pair: np.ndarray, *rest: np.ndarray) -> Crossing:
@@ -156,22 +152,16 @@ def _rounds(band: Band, pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray, 
             return
         crossing, here, n = to_numpy(following), pair, len(pair)
 
-        # What is left of the segment on either side
+        # The rest of the segment, on either side of the crossing
         left, right = (
             np.flatnonzero(crossing.more_before[:n]),
             np.flatnonzero(crossing.more_behind[:n]),
         )
-        along, gap, before, behind = (
-            crossing.along,
-            crossing.gap,
-            crossing.label_before,
-            crossing.label_behind,
-        )
-        starts = np.concatenate([ends[0, left], behind[right]])
-        stops = np.concatenate([before[left], ends[1, right]])
-        ends = np.stack([starts, stops])
-        start = np.concatenate([start[left], (along + gap)[right]])
-        stop = np.concatenate([(along - gap)[left], stop[right]])
+        label_starts = np.concatenate([ends[0, left], crossing.label_behind[right]])
+        label_stops = np.concatenate([crossing.label_before[left], ends[1, right]])
+        ends = np.stack([label_starts, label_stops])
+        start = np.concatenate([start[left], (crossing.along + crossing.gap)[right]])
+        stop = np.concatenate([(crossing.along - crossing.gap)[left], stop[right]])
         pair = np.concatenate([here[left], here[right]])
         following = search(pair, start, stop, *ends) if left_over and len(pair) else None
 

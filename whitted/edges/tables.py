@@ -1,6 +1,6 @@
 """Tables: dataclasses of NumPy arrays, each of which is a column.
 
-The last axis of a column counts the rows, as NumPy is slow on a short last axis.
+The last axis of a column counts the rows, since NumPy is slow on a short last axis.
 """
 
 from collections.abc import Sequence
@@ -23,12 +23,11 @@ def concatenated(tables: Sequence[Table]) -> Table:
 
 
 def deposit(image: np.ndarray, pixel: np.ndarray, *channels: np.ndarray) -> None:
-    """Add to an image's pixels, in order, so that sums are the same to the last bit; pixels below 0
-    take none.
+    """Add to an image's pixels, in order, so that sums are the same to the last bit.
 
     Args:
         image: flat, its channels interleaved.
-        pixel: any shape.
+        pixel: any shape; numbers below 0 stand for no pixel.
         channels: the values of each channel, in the shape of `pixel`.
     """
     kept = np.flatnonzero(pixel >= 0)

@@ -8,7 +8,7 @@ import numpy as np
 from drjit.llvm import ad
 
 from ..core.arrays import Array
-from ..edges.correction import Found
+from ..edges.found import Found
 from ..edges.search import correct
 from ..edges.settings import LEAST_WEIGHT
 from ..sampling import kernels

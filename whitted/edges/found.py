@@ -1,0 +1,113 @@
+"""What the search for edges found, as far as derivatives need it."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import drjit as dr
+import numpy as np
+
+from ..core.arrays import Array
+from ..sampling.band import Band
+from . import settings
+from .correction import Correction, MovingPoints, Numbers
+from .events import Kind
+from .grid import Samples
+from .motion import Edge
+from .pairs import Crossings, Pairs, walk_order
+from .quadrature import Extra, intervals_beside, samples_beside
+from .tables import deposit, rows_of
+
+
+@dataclass(frozen=True)
+class Crossed:
+    """A chunk of pairs, and the edges that cross them."""
+
+    pairs: Pairs
+    crossings: Crossings
+    edge: Numbers
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the search found in a band."""
+
+    band: Band
+    refined: np.ndarray  # the pixels that are sampled anew, in order
+    fine: list[Samples]
+    crossed: list[Crossed]
+
+    @cached_property
+    def correction(self) -> Correction:
+        """The correction of the band's pixels.
+
+        It is made when the first derivative asks for it. Kernels of what comes after the image may
+        be running meanwhile.
+        """
+        band, result = self.band, Correction(self.band)
+        # The part of each sample that edges take away, by the number of the sample
+        shape = (band.rows + 2) * band.side, (band.resolution[0] + 2) * band.side
+        first = shape[0] * shape[1]
+        taken = np.zeros(first + sum(group.pixel.size for group in self.fine), band.dtype)
+        ends = [np.zeros((2, 0), int)]
+        ends += [x.pairs.ends(x.crossings.pair[x.crossings.singular]) for x in self.crossed]
+        marked = np.concatenate(ends, 1)
+        for crossed in self.crossed:
+            result.extra += self._beside(crossed, marked, taken)
+            result.edges.append(_moving(crossed))
+        for group in self.fine:
+            weight = (1 - taken[group.first : group.first + group.pixel.size]) / group.side**2
+            inside = np.flatnonzero((group.pixel >= 0) & (weight != 0))
+            order = walk_order(group.labels.ravel())
+            not_beside = np.zeros(len(weight), bool)
+            whole = Extra(group.x, group.y, group.pixel, weight, not_beside, order)
+            result.extra.append(rows_of(whole, inside))
+        result.weights = self._weights(taken[:first].reshape(shape))
+        return result
+
+    def _beside(self, crossed: Crossed, marked: np.ndarray, taken: np.ndarray) -> list[Extra]:
+        """The samples beside edges; the parts of samples that they replace are added to `taken`."""
+        pairs, found = crossed.pairs, crossed.crossings
+        lines, pair, part = intervals_beside(found, pairs, marked)
+        deposit(taken, pairs.sample.take(pair, 1), part)
+        # Derivatives may change much between edges that are close to each other, as in curved
+        # mirrors, and at singular creases, from which a surface runs off into the distance
+        most, close = min(self.band.side, settings.PIECES), np.bincount(found.pair) > 1
+        close[found.pair[crossed.edge["kind"] == Kind.CREASE]] = True
+        pieces = np.where(close.take(pair), most, 1)
+        extra = []
+        for count in {1, most}:
+            which = np.flatnonzero(pieces == count)
+            here = pair.take(which)
+            pixel, order = pairs.pixel.take(here, 1), pairs.order.take(here, 1)
+            extra.append(samples_beside(rows_of(lines, which), count, pixel, order))
+        return extra
+
+    def _weights(self, taken: np.ndarray) -> Array:
+        """What the band's regular samples still count for, row by row of samples.
+
+        Args:
+            taken: the part of each sample that edges take away, in rows, with the margin.
+        """
+        side, columns = self.band.side, self.band.resolution[0]
+        inner = taken[side:-side, side:-side]
+        weights: Array = dr.empty(self.band.structure.precision.real, inner.size)
+        regular = weights.numpy().reshape(inner.shape)
+        np.subtract(1, inner, out=regular)
+        rows, columns_of = self.refined // columns, self.refined % columns
+        regular.reshape(self.band.rows, side, columns, side)[rows, :, columns_of] = 0
+        return weights
+
+
+def _moving(crossed: Crossed) -> MovingPoints:
+    """The edges of a chunk as points that move."""
+    found, here = crossed.crossings, rows_of(crossed.pairs, crossed.crossings.pair)
+    x = here.x + np.where(here.vertical, 0, found.along)
+    y = here.y + np.where(here.vertical, found.along, 0)
+    change = found.change * (here.pixel >= 0)
+    return MovingPoints(x, y, here.pixel, change, found.jump, crossed.edge)
+
+
+def numbers_of(edge: Edge, which: np.ndarray) -> Numbers:
+    """Some of the edges, with NumPy arrays, by the fields of their paths and events."""
+    columns = vars(edge.path) | vars(edge.event)
+    return {name: column[which] for name, column in columns.items()}
