@@ -9,7 +9,8 @@ import pytest
 import whitted as wt
 from whitted.inverse import fit as fit_module
 from whitted.inverse.bounds import bounds_of, scales_of
-from whitted.inverse.loss import Objective, split, view
+from whitted.inverse.loss import Objective, split
+from whitted.inverse.views import view
 
 BALL = """
 background = [0.1, 0.2, 0.3]

@@ -1,8 +1,10 @@
-"""Choose the libLLVM that Dr.Jit loads; standard library only, since Dr.Jit looks for it once,
-while it is imported.
+"""Choose the libLLVM that Dr.Jit loads.
 
-Run as a script, it prints the library it would choose, or says what is missing and exits with
-status 1.
+Dr.Jit looks for the library once, while it is imported. So this module imports nothing but the
+standard library.
+
+Run as a script, it prints the library that it would choose; or it says what is missing, and exits
+with status 1.
 """
 
 import ctypes
@@ -17,20 +19,20 @@ from functools import cache
 from pathlib import Path
 
 VARIABLE = "DRJIT_LIBLLVM_PATH"
-OLDEST = 15  # the oldest that Dr.Jit takes; it cannot select fmaximum and fminimum, which no kernel here holds
+# The oldest version that Dr.Jit takes. It cannot compile fmaximum and fminimum, which no kernel
+# here has
+OLDEST = 15
+# From this version on all of Dr.Jit works
 ALL_WORKS = 16
 PACKAGES = "^libllvm[0-9]+(t64)?$"
+HOMEBREW = ("opt/homebrew", "usr/local", "home/linuxbrew/.linuxbrew")
 FOLDERS = (
     *("usr/local/lib", "usr/lib/*-linux-gnu*", "lib/*-linux-gnu*", "usr/lib64", "usr/lib"),
     *("usr/lib/llvm*/lib*", "usr/lib/llvm/*/lib*", "usr/lib64/llvm*/lib*"),
-    *(
-        "opt/homebrew/opt/llvm*/lib",
-        "usr/local/opt/llvm*/lib",
-        "home/linuxbrew/.linuxbrew/opt/llvm*/lib",
-    ),
+    *(f"{prefix}/opt/llvm*/lib" for prefix in HOMEBREW),
 )
-# libLLVM-19.so, libLLVM-15.so.1, libLLVM.so.19.1, libLLVM.19.1.dylib; and libLLVM.so, which does
-# not tell
+# libLLVM-19.so, libLLVM-15.so.1, libLLVM.so.19.1, libLLVM.19.1.dylib; and libLLVM.so, whose name
+# does not tell its version
 FILE_NAME = re.compile(r"libLLVM(?:(?:[-.]|\.so\.)(\d+)[\d.]*)?(?:\.so|\.dylib)?[\d.]*")
 
 
@@ -48,11 +50,12 @@ class Library:
 
 
 def configure() -> Library:
-    """Choose the libLLVM of this process and have Dr.Jit load it; further calls have the same
-    outcome.
+    """Choose the libLLVM of this process and have Dr.Jit load it.
+
+    Further calls have the same outcome.
 
     Raises:
-        BackendError: there is no usable library, or Dr.Jit was imported before and has found none.
+        BackendError: there is no usable library, or Dr.Jit was imported before and found none.
     """
     outcome = _outcome()
     if isinstance(outcome, BackendError):
@@ -64,11 +67,8 @@ def configure() -> Library:
 def _outcome() -> Library | BackendError:
     imported = "drjit" in sys.modules
     if imported:
-        library = Library(
-            os.environ.get(VARIABLE, "libLLVM"),
-            None,
-            "drjit was imported before whitted and had chosen it",
-        )
+        reason = "drjit was imported before whitted and had chosen it"
+        library = Library(os.environ.get(VARIABLE, "libLLVM"), None, reason)
     else:
         try:
             library = choose(search_folders(os.environ), os.environ)
@@ -76,26 +76,24 @@ def _outcome() -> Library | BackendError:
             return error
     try:
         import drjit
-    except (
-        ImportError,
-        NameError,
-    ) as error:  # Dr.Jit's own handling of the first runs into the second
+    # Dr.Jit's own handling of an ImportError ends in a NameError
+    except (ImportError, NameError) as error:
+        cause = error.__context__ or error
         return BackendError(
-            f"Dr.Jit cannot be imported: {error.__context__ or error}; install what is missing (setup does)"
+            f"Dr.Jit cannot be imported: {cause}; install what is missing (setup does)"
         )
-
     if drjit.has_backend(drjit.JitBackend.LLVM):
         return replace(library, version=drjit.detail.llvm_version()[0])
     if imported:
         return BackendError(
-            f"drjit was imported before whitted and found no usable LLVM; import whitted first, or set {VARIABLE}"
+            "drjit was imported before whitted and found no usable LLVM; "
+            f"import whitted first, or set {VARIABLE}"
         )
     return BackendError(f"Dr.Jit cannot use {library.path}; {remedy(os.environ)}")
 
 
 def choose(folders: Sequence[Path], environ: MutableMapping[str, str]) -> Library:
-    """Set Dr.Jit's variable to the library that the user named, else to the best one of some
-    folders.
+    """Set Dr.Jit's variable to a library: the one that the user named, else the best one found.
 
     Raises:
         BackendError: no library is usable.
@@ -108,8 +106,9 @@ def choose(folders: Sequence[Path], environ: MutableMapping[str, str]) -> Librar
 
 
 def find_library(folders: Iterable[Path], environ: Mapping[str, str]) -> Library | None:
-    """The library that the user named, else the newest one in some folders that is new enough and
-    can be loaded.
+    """The library that the user named, else the newest one in some folders that works.
+
+    One works if it is new enough and can be loaded.
 
     Raises:
         BackendError: the user named a library that is missing, broken or too old.
@@ -138,21 +137,22 @@ def candidates(folders: Iterable[Path]) -> list[tuple[int, Path]]:
 
 
 def search_folders(environ: Mapping[str, str], root: Path = Path("/")) -> list[Path]:
-    """Existing folders that may hold libLLVM: the user's own, then Conda's and Python's, then the
-    system's.
+    """Existing folders that may hold libLLVM.
+
+    First come the user's own, then those of Conda and Python, then those of the system.
     """
     own = [folder for folder in environ.get("LD_LIBRARY_PATH", "").split(os.pathsep) if folder]
     prefixes = [environ.get("CONDA_PREFIX"), sys.prefix, sys.base_prefix]
-    listed = [Path(folder) for folder in own] + [
-        Path(prefix, "lib") for prefix in prefixes if prefix
-    ]
+    listed = [Path(folder) for folder in own]
+    listed += [Path(prefix, "lib") for prefix in prefixes if prefix]
     listed += [folder for pattern in FOLDERS for folder in sorted(root.glob(pattern))]
     return [folder for folder in dict.fromkeys(listed) if folder.is_dir()]
 
 
 def loads(path: Path | str) -> bool:
-    """Whether the library can be loaded: it is whole, of this architecture, and has all it depends
-    on.
+    """Tell if the library can be loaded.
+
+    It can if it is whole, of this architecture, and all that it depends on is there.
     """
     try:
         ctypes.CDLL(str(path))
@@ -164,12 +164,8 @@ def loads(path: Path | str) -> bool:
 def remedy(environ: Mapping[str, str], release: Path = Path("/etc/os-release")) -> str:
     """The command that installs a libLLVM on this system, or a sentence where it is not known."""
     sudo = "" if os.geteuid() == 0 else "sudo "
-    lines = (
-        re.findall(r'^ID(?:_LIKE)?="?([^"\n]*)', release.read_text(), re.MULTILINE)
-        if release.is_file()
-        else []
-    )
-    system = " ".join(lines).split()
+    text = release.read_text() if release.is_file() else ""
+    system = " ".join(re.findall(r'^ID(?:_LIKE)?="?([^"\n]*)', text, re.MULTILINE)).split()
     command = None
     if environ.get("CONDA_PREFIX"):
         command = "conda install -c conda-forge libllvm19"
@@ -182,23 +178,18 @@ def remedy(environ: Mapping[str, str], release: Path = Path("/etc/os-release")) 
     elif "arch" in system:
         command = f"{sudo}pacman -S llvm-libs"
     general = f"install the shared library of LLVM {ALL_WORKS} or newer from your system's packages"
-    return (
-        f"install one with: {command}" if command else general
-    ) + f" (or set {VARIABLE} to the file of one)"
+    install = f"install one with: {command}" if command else general
+    return f"{install} (or set {VARIABLE} to the file of one)"
 
 
 def _apt(sudo: str) -> str | None:
     """The newest package that apt knows; None when all are too old."""
     search = ["apt-cache", "search", "--names-only", PACKAGES]
-    listing = (
-        subprocess.run(search, capture_output=True, text=True, check=False).stdout
-        if shutil.which(search[0])
-        else ""
-    )
-    packages = [
-        (int(number), name)
-        for name, number in re.findall(r"^(libllvm(\d+)(?:t64)?)\b", listing, re.MULTILINE)
-    ]
+    listing = ""
+    if shutil.which(search[0]):
+        listing = subprocess.run(search, capture_output=True, text=True, check=False).stdout
+    found = re.findall(r"^(libllvm(\d+)(?:t64)?)\b", listing, re.MULTILINE)
+    packages = [(int(number), name) for name, number in found]
     if not packages:
         newest = f"apt-cache search --names-only '{PACKAGES}' | cut -d' ' -f1 | sort -V | tail -1"
         return f"{sudo}apt-get update && {sudo}apt-get install -y $({newest})"
@@ -207,8 +198,9 @@ def _apt(sudo: str) -> str | None:
 
 
 def _named(path: str) -> Library:
-    """The library in Dr.Jit's variable, respected as it is; a name without a folder is for the
-    loader to find.
+    """The library in Dr.Jit's variable, taken as it is.
+
+    The loader looks for a name without a folder.
     """
     version = _version(Path(path))
     fault = None
@@ -226,18 +218,20 @@ def _named(path: str) -> Library:
 
 
 def _version(path: Path) -> int | None:
-    """The major version, by the name of the file behind the links, else of the link, else by asking
-    the library.
+    """The major version, if the library tells it.
+
+    It is in the name of the file behind the links, else in the name of the link, else the library
+    is asked.
     """
     for name in (path.resolve().name, path.name):
         match = FILE_NAME.fullmatch(name)
-        if (
-            match and match[1] and int(match[1]) > 2
-        ):  # libLLVM.so.1 numbers the interface; its link tells the version
+        # A small number is that of the interface, as in libLLVM.so.1
+        if match and match[1] and int(match[1]) > 2:
             return int(match[1])
     try:
         get_version = ctypes.CDLL(str(path)).LLVMGetVersion
-    except (OSError, AttributeError):  # not a library, or LLVM 15 or older
+    # It is no library, or it is LLVM 15 or older
+    except (OSError, AttributeError):
         return None
     major, rest = ctypes.c_uint(), ctypes.c_uint()
     get_version(ctypes.byref(major), ctypes.byref(rest), ctypes.byref(rest))

@@ -30,40 +30,34 @@ def torch_render(scene: Scene, parameters: Mapping[str, Any], spp: int = 1, **op
         import torch
     except ImportError:
         raise RuntimeError(
-            "torch_render needs PyTorch, which is missing; install it with: pip install 'whitted[torch]'"
+            "torch_render needs PyTorch, which is missing; "
+            "install it with: pip install 'whitted[torch]'"
         ) from None
     own = scene.parameters(*parameters) if parameters else {}
+    kind = getattr(torch, scene.precision.dtype.__name__)
     for name, value in parameters.items():
-        size, kind = (
-            3 if dr.depth_v(own[name]) == 2 else 1,
-            getattr(torch, scene.precision.dtype.__name__),
-        )
+        size = 3 if dr.depth_v(own[name]) == 2 else 1
         if not isinstance(value, torch.Tensor) or value.numel() != size or value.dtype != kind:
-            raise ValueError(
-                f"{name}: expected a tensor of {size} x {kind}, got {_described(value)}"
-            )
+            got = _described(value)
+            raise ValueError(f"{name}: expected a tensor of {size} x {kind}, got {got}")
 
     @dr.wrap(source="torch", target="drjit")
     def image(*tensors: Array) -> Array:
-        values = {
-            name: _parameter(type(own[name]), tensor.array)
-            for name, tensor in zip(own, tensors, strict=True)
-        }
+        given = zip(own.items(), tensors, strict=True)
+        values = {name: _parameter(type(old), tensor.array) for (name, old), tensor in given}
         return render(scene.replace(values), spp, **options)
 
     return image(*(value.reshape(-1) for value in parameters.values()))
 
 
 def _parameter(kind: Any, numbers: Array) -> Array:
-    """A parameter's array with the numbers of a flat one."""
+    """A parameter's array, made of a flat array of its numbers."""
     if dr.depth_v(kind) == 1:
         return numbers
     return kind(*(dr.gather(type(numbers), numbers, k) for k in range(3)))
 
 
 def _described(value: object) -> str:
-    return (
-        f"{value.numel()} x {value.dtype}"
-        if hasattr(value, "numel") and hasattr(value, "dtype")
-        else repr(value)
-    )
+    if hasattr(value, "numel") and hasattr(value, "dtype"):
+        return f"{value.numel()} x {value.dtype}"
+    return repr(value)

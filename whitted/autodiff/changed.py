@@ -1,4 +1,4 @@
-"""Which surfaces change with some parameters; the light of the others needs no derivatives."""
+"""Which surfaces change with some parameters. The light of the others needs no derivatives."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ def changed(scene: Scene, names: Iterable[str]) -> Changed | None:
         elif where.field == "materials" and where.place is not None and where.path != ("shadow",):
             materials.add(scene.materials[where.place].name)
             if where.path == ("ior",):
-                # An index of refraction also changes what is seen of the surfaces inside
+                # An index of refraction also changes what its neighbours' surfaces reflect
                 materials |= _with_interfaces(scene)
         else:
             return None
@@ -44,6 +44,6 @@ def changed(scene: Scene, names: Iterable[str]) -> Changed | None:
 
 
 def _with_interfaces(scene: Scene) -> set[str]:
-    """The materials at whose surfaces the media around count."""
+    """The materials whose surfaces reflect according to the media around them."""
     clear = {m.name for m in scene.materials if may(scene, m, "refraction")}
     return clear | scene.features.coated

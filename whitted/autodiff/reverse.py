@@ -6,7 +6,6 @@ from it, with the adjoints of its ray and the light that it saw. No intermediate
 whatever the depth.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,7 +25,7 @@ from ..tracing.surface import surface
 from .changed import Changed, changed
 from .propagate import pull_back
 
-Parameters = Mapping[str, Array]
+Parameters = dict[str, Array]
 
 
 @dataclass
@@ -53,7 +52,7 @@ def radiance_vjp(
     seed: Array,
     limits: Limits,
     moves: bool = True,
-) -> tuple[dict[str, Array], Array, Array]:
+) -> tuple[Parameters, Array, Array]:
     """The derivatives of dot(seed, radiance) along rays.
 
     Args:
@@ -90,7 +89,7 @@ class Waiting:
     t: Array  # the distance of the hit
 
 
-def walk_back(tree: "Tree", sums: Parameters, ray: Ray) -> tuple[dict[str, Array], Array, Array]:
+def walk_back(tree: "Tree", sums: Parameters, ray: Ray) -> tuple[Parameters, Array, Array]:
     """Walk down a tree of rays and back.
 
     Returns:
@@ -131,8 +130,8 @@ def walk_back(tree: "Tree", sums: Parameters, ray: Ray) -> tuple[dict[str, Array
 class Tree:
     """The two steps of a walk through a tree of rays in reverse mode.
 
-    A ray moves if something changes on the way to it. Light is differentiated where a ray that moves
-    arrives, and at primitives that change; other light does not change.
+    A ray moves if something changes on the way to it. Light is differentiated where a moving ray
+    arrives, and at primitives that change. Other light does not change.
     """
 
     scene: Scene
@@ -148,11 +147,11 @@ class Tree:
         return self.scene.carrying(values), Node(o, d, node.weight, node.link), values
 
     def where(self, moves, differentiated, node, hit, sums, *more):
-        """What a node adds to the adjoint of its ray and to the sums: nothing where nothing moves."""
+        """What a node adds to its ray's adjoint and to the sums; nothing where nothing moves."""
         inputs = node, hit, sums, *more
         if self.changed is None:
             return differentiated(*inputs)
-        # Create the zeros outside of the branch; Dr.Jit would reuse them after it
+        # Zeros that were created inside of the branch, Dr.Jit would reuse after it
         dark = Adjoint.zero(node)
         return dr.if_stmt(
             (dark, *inputs),
@@ -203,8 +202,9 @@ class Tree:
         return Place(dr.detach(seen.child(child)), back, moves), stack, sums, child.active
 
     def come_back(self, place, stack, sums, tracing):
-        """Take a child's adjoints through its parent, then go on with the second child or return
-        further.
+        """Take a child's adjoints through its parent.
+
+        Then go on with the second child, or return further.
         """
         nothing = Waiting(place.node, place.back, place.node.weight)
         stack, waiting = stack.pop(type(tracing)(True), nothing)
@@ -225,7 +225,7 @@ class Tree:
 
 
 def choose(condition: Array, a: Branch, b: Branch) -> Branch:
-    """The first branch where the condition holds, else the second; active where either is."""
+    """The first branch where the condition holds, else the second; active where one of them is."""
     return replace(dr.select(condition, a, b), active=a.active | b.active)
 
 

@@ -1,6 +1,6 @@
 """How edges move: derivatives of level functions along the chain of rays to an event's node."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import drjit as dr
@@ -16,7 +16,7 @@ from ..tracing.node import FIRST, Limits, Link, Node, visit
 from .events import Event, board_place, level_function
 from .paths import Path
 
-Parameters = Mapping[str, Array]
+Parameters = dict[str, Array]
 
 
 @dataclass

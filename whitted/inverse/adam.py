@@ -9,44 +9,35 @@ import drjit as dr
 import numpy as np
 from drjit.opt import Adam
 
-from .loss import Objective
+from .loss import Objective, arrays
 from .search import NO_SLOPE, Search
 
-# The first step in units of each number's scale, at the finest resolution, and the last one
-# relative to it
+# The first step at the finest resolution, in units of each number's scale, and the last step in
+# units of the first
 STEP, LAST = 0.05, 0.05
-# The search has converged when the loss of so many iterations is no better than before, by this
-# part of it
+# The search has converged when PATIENCE iterations in a row have not lowered the loss by this part
 PATIENCE, BETTER = 40, 1e-4
 
 
 def adam(
     search: Search, objective: Objective, x: np.ndarray, iterations: int, level: int
 ) -> tuple[np.ndarray, str]:
-    """Adam's steps, in units of each number's scale, which shrink to the end.
+    """Take Adam's steps. They are in units of each number's scale, and shrink towards the end.
 
     Args:
-        level: halvings of the pictures' resolution; coarse fits take larger steps.
+        level: how often the pictures' resolution is halved; coarse fits take larger steps.
 
     Returns:
         The best numbers, and why the search ended.
     """
-    scene, sizes = objective.views[0].scene, objective.sizes
-    start = objective.parameters(x)
-    types = {name: type(value) for name, value in scene.parameters(*objective.names).items()}
-
-    def arrays(values: dict) -> dict:
-        return {name: types[name](*np.ravel(value).tolist()) for name, value in values.items()}
-
-    optimiser = Adam(1.0, params=arrays(start))
-    first = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    scene = objective.views[0].scene
+    optimiser = Adam(1.0, params=arrays(scene, objective.parameters(x)))
+    first = np.concatenate([[0], np.cumsum(objective.sizes)[:-1]])
     best, before = (math.inf, x), 0
     for k in range(iterations):
         shrink = LAST ** (k / max(1, iterations - 1)) * 2.0**level * STEP
-        rates = {
-            name: shrink * float(search.scale[i]) for name, i in zip(start, first, strict=True)
-        }
-        optimiser.set_learning_rate(rates)
+        scales = zip(objective.names, search.scale[first], strict=True)
+        optimiser.set_learning_rate({name: shrink * float(scale) for name, scale in scales})
         values = dict(optimiser.items())
         loss = objective.gradient(values)
         slope = _flat([dr.grad(value) for value in values.values()])
@@ -64,7 +55,7 @@ def adam(
         inside = search.bounded(x)
         if (inside != x).any():
             x = inside
-            for name, value in arrays(objective.parameters(x)).items():
+            for name, value in arrays(scene, objective.parameters(x)).items():
                 optimiser[name] = value
     return best[1], "iterations used up"
 

@@ -1,6 +1,4 @@
-"""What values a fit's numbers can take, and what change of one is large: bounds and steps without
-tuning.
-"""
+"""Bounds and scales of a fit's numbers: which values they can take, and what change is large."""
 
 from collections.abc import Mapping
 
@@ -19,17 +17,18 @@ def bounds_of(scene: Scene, names: list[str], asked: Bounds) -> tuple[np.ndarray
     """The lowest and highest values of parameters, as vectors.
 
     Args:
-        asked: name to (lowest, highest), either None where it is open, in place of the usual range.
+        asked: name to (lowest, highest), in place of the usual range; None keeps the usual end.
 
     Raises:
         KeyError: bounds of a parameter that is not fitted.
-        ValueError: bounds that are not a pair, are the wrong way round, outside what is legal, or
-            exclude the start.
+        ValueError: bounds that are not a pair, are the wrong way round, are outside what is legal,
+            or exclude the start.
     """
     for name in asked:
         if name not in names:
+            fitted = ", ".join(names)
             raise KeyError(
-                f"bounds: '{name}' is not among the parameters to fit; those are {', '.join(names)}"
+                f"bounds: '{name}' is not among the parameters to fit; those are {fitted}"
             )
     low, high = [], []
     for name in names:
@@ -40,7 +39,8 @@ def bounds_of(scene: Scene, names: list[str], asked: Bounds) -> tuple[np.ndarray
         if ((start < least) | (start > most)).any():
             at = ", ".join(f"{value:g}" for value in start)
             raise ValueError(
-                f"bounds: {name} starts at {at}, outside [{least:g}, {most:g}]; move the start or the bounds"
+                f"bounds: {name} starts at {at}, outside [{least:g}, {most:g}]; "
+                "move the start or the bounds"
             )
         low.append(np.full(start.size, least))
         high.append(np.full(start.size, most))
@@ -53,13 +53,15 @@ def start_of(scene: Scene, name: str) -> np.ndarray:
 
 
 def _usual(entry: Parameter, start: np.ndarray) -> tuple[float, float]:
-    """Where a parameter is looked for. A start outside of that, such as an index below 1, says that
-    it is meant.
+    """Where a parameter is looked for.
+
+    A start outside of the usual range, such as an index below 1, tells that all legal values are
+    meant.
     """
     usual = entry.usual if all(entry.usual.holds(x) for x in start) else entry.legal
     least, most = usual.low, usual.high
     if usual.open:
-        # Ends that do not belong to the range are kept away from
+        # Stay away from ends that do not belong to the range
         least, most = LEAST * float(start[0]), most - LEAST
     return least, most
 
@@ -69,26 +71,25 @@ def _checked(
 ) -> tuple[float, float]:
     """The bounds that the user asks for, checked against what is legal."""
     try:
-        low, high = (
-            own if value is None else float(value) for value, own in zip(pair, usual, strict=True)
-        )
+        low, high = pair
+        low = usual[0] if low is None else float(low)
+        high = usual[1] if high is None else float(high)
     except (TypeError, ValueError):
         raise ValueError(f"bounds: {name}: expected (lowest, highest), got {pair!r}") from None
     if not low <= high:
         raise ValueError(f"bounds: {name}: the lowest, {low:g}, is not below the highest, {high:g}")
     if low < legal.low or high > legal.high:
         within = f"[{legal.low:g}, {legal.high:g}]"
-        raise ValueError(
-            f"bounds: {name}: [{low:g}, {high:g}] is not within what is legal, {within}"
-        )
+        asked = f"[{low:g}, {high:g}]"
+        raise ValueError(f"bounds: {name}: {asked} is not within what is legal, {within}")
     return low, high
 
 
 def scales_of(scene: Scene, names: list[str]) -> np.ndarray:
-    """A large change of each number: a part of what its parameter says (`core/parameter.py`)."""
-    return np.concatenate(
-        [np.full(start_of(scene, name).size, _scale(scene, name)) for name in names]
-    )
+    """A large change of each number, as the field of its parameter says (`core/parameter.py`)."""
+    sizes = (start_of(scene, name).size for name in names)
+    scales = [np.full(size, _scale(scene, name)) for name, size in zip(names, sizes, strict=True)]
+    return np.concatenate(scales)
 
 
 def _scale(scene: Scene, name: str) -> float:

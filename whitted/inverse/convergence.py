@@ -1,4 +1,4 @@
-"""How a fit goes on: its iterations, a progress bar while they last, a plot afterwards."""
+"""The iterations of a fit: a progress bar while they last, and a plot afterwards."""
 
 import itertools
 import sys
@@ -14,7 +14,7 @@ from ..files.figures import figure_of
 
 @dataclass(frozen=True)
 class Iteration:
-    """Where an iteration of a fit was, and how good that is."""
+    """The numbers of one iteration of a fit, and its loss."""
 
     iteration: int
     resolution: tuple[int, int]  # of the first view
@@ -24,7 +24,7 @@ class Iteration:
 
 @contextmanager
 def progress_bar(labels: Sequence[str]) -> Iterator[Callable[[Iteration], None]]:
-    """A callback for iterations, which shows them on standard error if that is a terminal."""
+    """A callback that shows iterations on standard error, if that is a terminal."""
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 

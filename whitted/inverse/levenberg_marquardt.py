@@ -8,21 +8,22 @@ import numpy as np
 from .loss import Objective
 from .search import NO_SLOPE, Search
 
-# The first damping; by what it falls after a good step and grows after a bad one; and where it is
-# at an end
+# The first damping. It falls by FALL after a good step and grows by GROWTH after a bad one, and
+# stays between LEAST and MOST
 DAMPING, FALL, GROWTH, LEAST, MOST = 1e-3, 5, 4, 1e-7, 1e6
-# A coarse fit needs no more than this part of the tolerance: the next one does the rest
+# The least damping of all: it keeps the matrix regular where two numbers do the same
+REGULAR = 1e-9
+# A coarse fit ends at this many times the tolerance: the next fit does the rest
 COARSE = 100
 
 
 def levenberg_marquardt(
     search: Search, objective: Objective, x: np.ndarray, iterations: int, level: int
 ) -> tuple[np.ndarray, str]:
-    """Steps (A + damping diag A)^-1 g, A = J'J and g = J'r, of which those are taken that lower the
-    loss.
+    """Take those steps -(A + damping diag A)^-1 g that lower the loss, where A = J'J and g = J'r.
 
     Args:
-        level: halvings of the pictures' resolution, 0 for the last fit.
+        level: how often the pictures' resolution is halved; 0 for the last fit.
 
     Returns:
         The numbers, and why the search ended.
@@ -53,15 +54,14 @@ def levenberg_marquardt(
 def _step(
     search: Search, x: np.ndarray, slope: np.ndarray, curvature: np.ndarray, damping: float
 ) -> np.ndarray:
-    """A damped step of the numbers that can move, none by more than its scale."""
+    """A damped step of the numbers that can move; none moves by more than its scale."""
     diagonal = curvature.diagonal()
     at_bound = ((x <= search.low) & (slope > 0)) | ((x >= search.high) & (slope < 0))
     free = np.flatnonzero(~at_bound & (diagonal > 0))
     step = np.zeros(len(x))
     # In units in which all diagonal elements are 1
     unit = 1 / np.sqrt(diagonal[free])
-    matrix = curvature[np.ix_(free, free)] * np.outer(unit, unit) + (damping + 1e-9) * np.eye(
-        len(free)
-    )
+    matrix = curvature[np.ix_(free, free)] * np.outer(unit, unit)
+    matrix += (damping + REGULAR) * np.eye(len(free))
     step[free] = -unit * np.linalg.solve(matrix, unit * slope[free])
     return step / max(1.0, float(np.abs(step / search.scale).max()))

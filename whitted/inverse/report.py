@@ -1,6 +1,4 @@
-"""The files that tell of a fit: the recovered scene, pictures, how it converged, and an animation
-of it.
-"""
+"""The files that a fit writes: the recovered scene, pictures, a plot and an animation."""
 
 from pathlib import Path
 from typing import Any
@@ -14,11 +12,14 @@ from ..files.png import to_srgb
 from ..rendering.samples import render_samples
 from ..scene.rewrite import rewritten
 from ..scene.scene import Scene
-from .convergence import plot
 from .fit import FitResult
 
-# The animation's frames at most, its width at most, and how long it shows each
-FRAMES, WIDTH, MILLISECONDS = 50, 256, 120
+NAMES = (
+    *("scene.toml", "target.png", "start.png", "result.png"),
+    *("difference.png", "convergence.png", "animation.gif"),
+)
+# Frames and width of the animation, at most; how long each frame is shown, and the last one
+FRAMES, WIDTH, MILLISECONDS, AT_END = 50, 256, 120, 2000
 
 
 def write_recovery(
@@ -29,7 +30,7 @@ def write_recovery(
     result: FitResult,
     options: dict[str, Any],
 ) -> list[Path]:
-    """Write all files of a fit to a folder, which is made if it is not there.
+    """Write all files of a fit to a folder, which is created if it is missing.
 
     Args:
         scene_file: the file that `start` was read from.
@@ -54,30 +55,16 @@ def write_recovery(
     write_image(folder / "start.png", render_samples(start, **options))
     write_image(folder / "result.png", found)
     write_diverging(folder / "difference.png", found - pixels, "result - target")
-    atomically(
-        folder / "convergence.png", lambda path: plot(result.history, result.labels, str(path))
-    )
-    atomically(
-        folder / "animation.gif", lambda path: _animate(path, start, pixels, result, options)
-    )
-    names = (
-        "scene.toml",
-        "target.png",
-        "start.png",
-        "result.png",
-        "difference.png",
-        "convergence.png",
-        "animation.gif",
-    )
-    return [folder / name for name in names]
+    atomically(folder / "convergence.png", lambda path: result.plot(str(path)))
+    frames = _frames(start, pixels, result, options)
+    atomically(folder / "animation.gif", lambda path: _animate(path, frames))
+    return [folder / name for name in NAMES]
 
 
-def _animate(
-    path: Path, start: Scene, target: np.ndarray, result: FitResult, options: dict[str, Any]
-) -> None:
-    """The iterations, and the target beside them."""
-    from PIL import Image
-
+def _frames(
+    start: Scene, target: np.ndarray, result: FitResult, options: dict[str, Any]
+) -> list[np.ndarray]:
+    """Iterations as 8-bit pictures, with the target beside them."""
     every = -(-target.shape[1] // WIDTH)
     small = _shrunk(target, every)
     chosen = np.unique(np.linspace(0, len(result.history) - 1, FRAMES).astype(int))
@@ -85,22 +72,21 @@ def _animate(
     for k in chosen:
         values = result.named(result.history[k].x)
         image = _shrunk(render_samples(start.replace(values), **options).numpy(), every)
-        frames.append(Image.fromarray(np.hstack([image, small])))
-    frames[0].save(
-        path,
-        save_all=True,
-        append_images=frames[1:],
-        duration=[MILLISECONDS] * (len(frames) - 1) + [2000],
-        loop=0,
-    )
+        frames.append(np.hstack([image, small]))
+    return frames
+
+
+def _animate(path: Path, frames: list[np.ndarray]) -> None:
+    from PIL import Image
+
+    first, *rest = [Image.fromarray(frame) for frame in frames]
+    duration = [MILLISECONDS] * len(rest) + [AT_END]
+    first.save(path, save_all=True, append_images=rest, duration=duration, loop=0)
 
 
 def _shrunk(image: np.ndarray, every: int) -> np.ndarray:
-    """The means of squares of pixels, as 8-bit sRGB."""
-    height, width = (n // every * every for n in image.shape[:2])
-    means = (
-        image[:height, :width]
-        .reshape(height // every, every, width // every, every, 3)
-        .mean((1, 3))
-    )
+    """A smaller picture as 8-bit sRGB; each pixel is the mean of `every` x `every` pixels."""
+    rows, columns = image.shape[0] // every, image.shape[1] // every
+    blocks = image[: rows * every, : columns * every].reshape(rows, every, columns, every, 3)
+    means = blocks.mean((1, 3))
     return (to_srgb(means) * 255 + 0.5).astype(np.uint8)

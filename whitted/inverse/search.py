@@ -1,4 +1,4 @@
-"""What all iterations of a fit share: bounds, scales, and what has happened so far."""
+"""What all iterations of a fit share: bounds, scales, and what happened so far."""
 
 import math
 from collections.abc import Callable
@@ -9,7 +9,10 @@ import numpy as np
 from .convergence import Iteration
 from .loss import Objective
 
-NO_SLOPE = "the pictures do not change with any of the parameters here; start elsewhere, or from several starts"
+NO_SLOPE = (
+    "the pictures do not change with any of the parameters here; "
+    "start elsewhere, or from several starts"
+)
 
 
 @dataclass
@@ -24,8 +27,10 @@ class Search:
     report: Callable[[Iteration], None]
     history: list[Iteration] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    # For each number whether any slope by it has been other than 0
-    has_slope: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+
+    def __post_init__(self) -> None:
+        # Bool for each number: some slope by it was not 0
+        self.has_slope = np.zeros(len(self.labels), bool)
 
     def record(self, objective: Objective, loss: float, x: np.ndarray, *slopes: np.ndarray) -> None:
         """Keep an iteration.
@@ -34,25 +39,24 @@ class Search:
             ValueError: something is not a finite number; the message has the parameter and the
                 iteration.
         """
-        number = len(self.history)
+        iteration = f"iteration {len(self.history)}"
         for label, value in zip(self.labels, x, strict=True):
             if not math.isfinite(value):
                 raise ValueError(
-                    f"fit: {label} became {value} in iteration {number}; bound it, or start closer"
+                    f"fit: {label} became {value} in {iteration}; bound it, or start closer"
                 )
-        at = ", ".join(
-            f"{label} = {value:.6g}" for label, value in zip(self.labels, x, strict=True)
-        )
+        numbers = zip(self.labels, x, strict=True)
+        at = ", ".join(f"{label} = {value:.6g}" for label, value in numbers)
         if not math.isfinite(loss):
-            raise ValueError(f"fit: the loss became {loss} in iteration {number}, at {at}")
+            raise ValueError(f"fit: the loss became {loss} in {iteration}, at {at}")
         for slope in slopes:
             self.has_slope = self.has_slope | (slope != 0)
             for label, value in zip(self.labels, slope, strict=True):
                 if not math.isfinite(value):
                     raise ValueError(
-                        f"fit: the derivative by {label} is not finite in iteration {number}, at {at}"
+                        f"fit: the derivative by {label} is not finite in {iteration}, at {at}"
                     )
-        step = Iteration(number, objective.views[0].resolution, loss, x.copy())
+        step = Iteration(len(self.history), objective.views[0].resolution, loss, x.copy())
         self.history.append(step)
         self.report(step)
 
@@ -66,8 +70,10 @@ class Search:
         return inside
 
     def best(self, x: np.ndarray) -> np.ndarray:
-        """The best numbers so far, at the resolution that was reached; x before the first
-        iteration.
+        """The best numbers so far, at the resolution that was reached.
+
+        Args:
+            x: what to return before the first iteration.
         """
         last = [step for step in self.history if step.resolution == self.history[-1].resolution]
         return min(last, key=lambda step: step.loss).x if last else x

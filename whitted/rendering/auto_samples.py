@@ -1,16 +1,19 @@
-"""The cheapest samples that make an image accurate enough, found by trying them.
+"""The cheapest setting that makes an image accurate enough, found by trying.
 
-A small image tells what each setting costs. In that order they are tried against a better one, on
-an image of the size that is asked for, or of a smaller one if that is large, until one is good
-enough. Errors lie along edges, which cross a smaller part of a larger image's pixels: with n times
-as many pixels sqrt(n) times as many have edges, whose share of the mean square falls like 1 /
-sqrt(n), and the error like n^(-1/4).
+A small image tells what each setting costs. Settings are then tried from the cheapest on, until one
+is good enough. Each is compared with a better one, on an image of the size that is asked for, or on
+a smaller image if that is large.
+
+Errors of a smaller image tell those of a larger one, because they lie along edges. With n times as
+many pixels, sqrt(n) times as many have edges. Their share of the mean square falls like 1 /
+sqrt(n), and the relative error like n^(-1/4).
 """
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from typing import Any
 
 import drjit as dr
 import numpy as np
@@ -21,18 +24,20 @@ from .samples import render_samples
 
 # Samples along a pixel's side of what is tried, plain and with edges
 SIDES = {False: (1, 2, 3, 4, 6, 8, 12, 16), True: (1, 2)}
-# Plain samples a pixel that errors are told from where those with edges would take longer
+# The reference has edges and 4 samples a pixel. Where that would take longer, it has this many
+# plain samples
 MANY = 1024
-# What is left of the error with edges where spp is 4 and not 1, at most
+# The error with edges falls at least by this factor from 1 sample a pixel to 4
 FALL_WITH_EDGES = 1 / 4
-# Pixels along the longer side of the image whose times are taken, and most of the one whose errors
-# are
+# Pixels along the longer side, at most, of the image that is timed, and of the one whose error is
+# measured
 SMALL, LARGE = 128, 512
-# What the samples of an image with edges cost more than plain ones
+# How many times as long a sample with a label takes as a plain one
 LABELS = 1.2
-# What is chosen is to be better by this factor: the reference has an error of its own
+# The error of the chosen setting is to be better by this factor, as the reference has an error of
+# its own
 SAFETY = 1.03
-# The power of the number of pixels with which the error falls, less than the 1/4 above
+# The error is taken to fall like the number of pixels to this power; 1/4 in theory, as said above
 FALL = 0.2
 
 
@@ -42,7 +47,7 @@ class Setting:
 
     spp: int
     boundary: bool
-    cost: float  # expected, in seconds
+    cost: float  # expected seconds
 
 
 def recommend(
@@ -74,14 +79,16 @@ def recommend(
 
 
 def settings(scene: Scene, max_depth: int | None, resolution: tuple[int, int]) -> list[Setting]:
-    """All settings, with the times expected at a resolution."""
+    """All settings, with the expected times at a resolution."""
     size, more = _reduced(resolution, SMALL)
     result = []
     plain: dict[int, float] = {}
     for boundary, sides in SIDES.items():
         for side in sides:
-            options = {"boundary": boundary, "max_depth": max_depth, "resolution": size}
-            seconds = _seconds(partial(render_samples, scene, side**2, **options))
+            options: dict[str, Any] = {"max_depth": max_depth, "resolution": size}
+            seconds = _seconds(
+                partial(render_samples, scene, side**2, boundary=boundary, **options)
+            )
             plain.setdefault(side, seconds)
             edges = max(0.0, seconds - LABELS * plain[side]) if boundary else 0.0
             cost = more * plain[side] * (LABELS if boundary else 1) + more**0.5 * edges
@@ -92,8 +99,9 @@ def settings(scene: Scene, max_depth: int | None, resolution: tuple[int, int]) -
 def _errors(
     scene: Scene, max_depth: int | None, resolution: tuple[int, int], offered: list[Setting]
 ) -> Callable[[Setting], float]:
-    """A function that measures a setting's relative error, against a good one of those offered or
-    many plain samples.
+    """A function that measures a setting's relative error.
+
+    The reference is a good one of those offered, or has many plain samples.
     """
     size, more = _reduced(resolution, LARGE)
 
@@ -117,8 +125,9 @@ def _errors(
 
 
 def _reduced(resolution: tuple[int, int], side: int) -> tuple[tuple[int, int], float]:
-    """A resolution of at most so many pixels a side, and how many times as many pixels the given
-    one has.
+    """A resolution of at most `side` pixels a side, and the ratio of the pixels that it leaves out.
+
+    The ratio is that of the given number of pixels to the reduced one.
     """
     factor = min(1.0, side / max(resolution))
     size = max(1, round(resolution[0] * factor)), max(1, round(resolution[1] * factor))
@@ -126,8 +135,9 @@ def _reduced(resolution: tuple[int, int], side: int) -> tuple[tuple[int, int], f
 
 
 def _seconds(call: Callable[[], Array]) -> float:
-    """The time of an image once its kernels are compiled: the least of two, as other programs may
-    disturb one.
+    """The time of an image once its kernels are compiled.
+
+    It is the least of two, since other programs may disturb one.
     """
     dr.eval(call())
     times = []

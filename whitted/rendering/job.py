@@ -18,8 +18,8 @@ from ..scene.scene import Scene
 from ..scene.structure import Structure
 from ..tracing.node import Limits
 
-# Samples in a band: enough to keep all cores busy, few enough to report progress and to stop
-# between two of them
+# Samples in a band: enough to keep all cores busy, and few enough to report progress, and to stop,
+# between two bands
 BAND = 1 << 22
 
 Parameters = dict[str, Array]
@@ -72,11 +72,8 @@ class Job:
         for first, rows in self.bands():
             part = image.array if rows == image.shape[0] else image[first : first + rows].array
             gradients = self._adjoint(first, rows, dict(wrt), part)
-            total = (
-                gradients
-                if total is None
-                else {name: total[name] + gradients[name] for name in total}
-            )
+            sums: Parameters = total or dict.fromkeys(gradients, 0)
+            total = {name: sums[name] + gradients[name] for name in gradients}
         return total or {}
 
     def _adjoint(self, first: int, rows: int, wrt: Parameters, part: Array) -> Parameters:

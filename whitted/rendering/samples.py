@@ -1,7 +1,7 @@
-"""Rendering at a number of samples.
+"""Rendering with a given number of samples.
 
-The image comes from a plain kernel, and its derivatives from kernels that trace again with
-gradients, so that nothing of the trees of rays is stored in between.
+The image comes from a plain kernel. Its derivatives come from kernels that trace again, with
+gradients. So nothing of the trees of rays is stored in between.
 """
 
 import math
@@ -18,8 +18,9 @@ from ..scene.scene import MAX_DEPTH, Scene
 from .job import BoundaryJob, Job
 
 MAX_SPP = 1 << 16
-# Dr.Jit's frozen functions cannot be entered by two threads at once. Derivatives are for one thread
-# at a time: Dr.Jit's own work on them in another thread can wait for what waits for it
+# Two threads cannot enter one of Dr.Jit's frozen functions at once. Derivatives are for one thread
+# at a time and take no lock: Dr.Jit holds one of its own meanwhile, and each would wait for the
+# other
 LOCK = threading.RLock()
 
 
@@ -69,14 +70,14 @@ def render_samples(
     size = _checked(scene.resolution if resolution is None else resolution)
     _check_memory(*size, dr.itemsize_v(scene.background))
     parameters = scene.parameters()
-    # A value that is part of the code would be a kernel of its own
+    # Opaque: each literal value would be compiled into a kernel of its own
     dr.make_opaque(parameters)
     wrt = {name: value for name, value in parameters.items() if dr.grad_enabled(value)}
     still = dr.detach(parameters) if wrt else parameters
     about = scene, still, size, max_depth or scene.max_depth, side, progress
     job = BoundaryJob(*about, terms, keep=bool(wrt)) if boundary else Job(*about)
     with LOCK:
-        # Within a function Dr.Jit does not look for arrays, of which only those in `wrt` are inputs
+        # Only the arrays in `wrt` are inputs. A function hides the job's other arrays from Dr.Jit
         return dr.custom(_Render, wrt, lambda: job) if wrt else job.image()
 
 

@@ -1,4 +1,4 @@
-"""A band of an image's rows, and what kernels that work on it take first."""
+"""A band of an image's rows, and the first inputs of the kernels that work on it."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -34,7 +34,7 @@ class Band:
         return self.structure.precision.dtype
 
     def film(self, margin: int = 0) -> Film:
-        """The band's film, with so many pixels around it."""
+        """The band's film, with a margin of some pixels around it."""
         precision = self.structure.precision
         return film_of(self.resolution, self.first_row, self.rows, self.side, precision, margin)
 
@@ -45,20 +45,18 @@ class Band:
 
     @cached_property
     def finer(self) -> Film:
-        """The film with four samples for each."""
+        """The film with four times the samples."""
         return replace(self, side=2 * self.side).film()
 
     @property
     def inputs(self) -> Inputs:
-        """What all kernels at points take first."""
+        """The first inputs of all kernels at points."""
         return self.structure, self.parameters, self.inner.size, self.limits
 
     def lanes(self, *arrays: np.ndarray) -> list[Array]:
-        """Dr.Jit arrays of whole packets, real numbers in the band's precision."""
-        return [
-            to_lanes(array.astype(self.dtype, copy=False) if array.dtype.kind == "f" else array)
-            for array in arrays
-        ]
+        """Dr.Jit arrays of whole packets; real numbers in the band's precision."""
+        real = {"f": self.dtype}
+        return [to_lanes(x.astype(real.get(x.dtype.kind, x.dtype), copy=False)) for x in arrays]
 
     def color(self, channels: np.ndarray) -> Array:
         """The lanes of colours of shape (3, N)."""

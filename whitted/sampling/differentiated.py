@@ -1,9 +1,8 @@
-"""Scenes made ready for kernels, and for derivatives by some of their parameters in forward and in
-reverse mode.
+"""Scenes that are ready for kernels, and for derivatives by some of their parameters.
 
-Parameters are differentiated in two stages. What is common to all samples (unit vectors, the
-camera's frame) depends on the parameters alone, and is differentiated once; samples are
-differentiated by what comes out of it.
+Parameters are differentiated in two stages. The first is common to all samples: unit vectors and
+the camera's frame, which depend on the parameters alone. It is differentiated once. The second
+stage is the samples, which are differentiated by the outcome of the first.
 """
 
 from collections.abc import Callable
@@ -20,8 +19,8 @@ from ..tracing.primary import CameraFrame, camera_frame
 
 Parameters = dict[str, Array]
 RayOf = Callable[[CameraFrame], Ray]
-# From a scene, sums of derivatives, parameters as wide as the wavefront, and rays, to the sums with
-# theirs added and the derivatives by the rays' origins and directions
+# Takes a scene, sums of derivatives, parameters as wide as the wavefront, and rays. Returns the
+# sums with those of the rays added, and the derivatives by the rays' origins and directions
 Walk = Callable[[Scene, Parameters, Parameters, Ray], tuple[Parameters, Array, Array]]
 
 
@@ -30,12 +29,10 @@ def prepare(structure: Structure, parameters: Parameters, size: Array) -> tuple[
     scene = structure.filled(parameters)
     shapes = tuple(shape.prepared() for shape in scene.shapes)
     lights = tuple(light.prepared() for light in scene.lights)
-    prepared = (
-        replace(scene, shapes=shapes, lights=lights),
-        camera_frame(scene.camera, size.x / size.y),
-    )
-    dr.eval(prepared)
-    return prepared
+    prepared = replace(scene, shapes=shapes, lights=lights)
+    frame = camera_frame(scene.camera, size.x / size.y)
+    dr.eval(prepared, frame)
+    return prepared, frame
 
 
 class Forward:
@@ -79,8 +76,10 @@ class Reverse:
         wrt: Parameters,
         nothing: Array,
     ) -> None:
-        """Args: nothing: zeros as wide as the wavefront, which keep each lane's derivatives in its
-        lane.
+        """Make the scene ready.
+
+        Args:
+            nothing: zeros as wide as the wavefront. They keep each lane's derivatives in its lane.
         """
         self.wrt = dr.detach(wrt)
         dr.enable_grad(self.wrt)
@@ -129,6 +128,6 @@ def _of_scene(scene: Scene, wrt: Parameters) -> Parameters:
 
 def _total(value: Array) -> Array:
     """The sum over lanes, of each component."""
-    return (
-        dr.sum(value) if dr.depth_v(value) == 1 else type(value)(*(dr.sum(part) for part in value))
-    )
+    if dr.depth_v(value) == 1:
+        return dr.sum(value)
+    return type(value)(*(dr.sum(part) for part in value))

@@ -12,8 +12,9 @@ from ..tracing.primary import CameraFrame, image_ray
 
 @dataclass(frozen=True)
 class Film:
-    """A band of rows of an image. All but the first three are opaque to kernels, so that one serves
-    every image.
+    """A band of rows of an image.
+
+    All but the first three numbers are opaque to kernels, so that one kernel serves every image.
     """
 
     pixels: int

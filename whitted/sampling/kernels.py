@@ -1,5 +1,4 @@
-"""The kernels of a film: a band's pixels, and their derivatives in one direction or by all
-parameters at once.
+"""The kernels of a film: a band's pixels, their tangent in one direction, and their gradient.
 
 Each runs in a frozen function, which skips tracing the Python code when a scene of the same
 structure comes again.
@@ -21,19 +20,18 @@ from ..tracing.recursion import radiance
 from .differentiated import Forward, Parameters, Reverse, prepare
 from .film import Film, next_sample, pixel, sample_ray
 
-# Lanes of the reverse kernel: each takes many pixels, so that little is left to sum
+# Lanes of the reverse kernel. Each takes many pixels, so that few sums are left to add up
 REVERSE_LANES = 1 << 14
 
 
 def accumulate(
     film: Film, of_sample: Callable[[Array, Array, Array, Array], Array], color: Any
 ) -> Array:
-    """A band's pixels, row-major with RGB interleaved: the means of their samples, without the
-    margin's.
+    """A band's pixels, row-major with RGB interleaved: the means of their samples.
 
     Args:
-        of_sample: pixel column and row in the band, and place (i, j) on the pixel's grid, to the
-            sample's Array3f.
+        of_sample: takes the pixel's column and row in the band, and the place (i, j) on the pixel's
+            grid; returns the sample's Array3f. It is also called for the margin.
         color: the type of Array3f.
     """
     x, y, valid = pixel(film, dr.arange(ad.Int, film.lanes))
@@ -98,8 +96,10 @@ def image_vjp(
     adjoint: Array,
     weights: Array | None = None,
 ) -> Parameters:
-    """The derivatives of dot(adjoint, image) by the parameters `wrt`, with weights as those of
-    `image_jvp`.
+    """The derivatives of dot(adjoint, image) by the parameters `wrt`.
+
+    Args:
+        weights: as those of `image_jvp`.
     """
     real, color = structure.precision.real, structure.precision.vector
     lanes = min(film.lanes, REVERSE_LANES)

@@ -1,7 +1,7 @@
 """Kernels for derivatives of samples at any image position, rather than of those of a film.
 
-Each has one lane for each of its inputs, whose number may differ from call to call, and runs in a
-frozen function.
+Each runs in a frozen function. It has one lane for each of its inputs, whose number may differ from
+call to call.
 """
 
 import drjit as dr
@@ -20,8 +20,9 @@ NOWHERE = 0xFFFFFFFF
 
 
 def in_lanes(x: Array, value: Array) -> Array:
-    """The value in as many lanes as x has. A constant of width 1 would keep the width of the call
-    that was recorded.
+    """The value in as many lanes as x has.
+
+    Without this, a constant of width 1 would keep the width of the call that was recorded.
     """
     other = type(value)(1) if dr.type_v(value) is dr.VarType.Bool else type(value)(77)
     return dr.select(x < dr.inf, value, other)
@@ -57,8 +58,11 @@ def samples_vjp(
     x: Array,
     y: Array,
 ) -> Parameters:
-    """The derivatives by the parameters `wrt` of dot(adjoint, pixels), to which positions add
-    weighted radiance.
+    """The derivatives by `wrt` of dot(adjoint, pixels), where samples add to the pixels.
+
+    Args:
+        pixel: the pixel that each sample adds to, or NOWHERE.
+        weight: what the sample counts for in it.
     """
     lanes = dr.width(x)
     reverse = Reverse(structure, parameters, size, wrt, dr.zeros(type(x), lanes))

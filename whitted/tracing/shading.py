@@ -17,7 +17,7 @@ from .surface import Surface, albedo, lookup
 
 
 def emitted(scene: Scene, ray: Ray, at: Surface) -> Array:
-    """Radiance along a ray before it is reflected or refracted; the background if it hits nothing."""
+    """Radiance along a ray, before reflection and refraction; the background if it hits nothing."""
     color = albedo(scene, at)
     radiance = scene.ambient * color if "ambient" in scene.features.live else type(at.p)(0)
     gloss = highlight(scene, at) if glossy(scene) else None

@@ -1,0 +1,99 @@
+"""The order of a fit: several starts at the coarsest resolution, then one resolution after another.
+
+A picture at half the resolution is blurred by a pixel twice as wide. An edge acts from twice as far
+in it. So a coarse fit finds what a fine one would miss, and a fine one tells what a coarse one
+cannot.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .adam import adam
+from .levenberg_marquardt import levenberg_marquardt
+from .loss import Objective
+from .search import Search
+
+DESCENTS = {"lm": levenberg_marquardt, "adam": adam}
+METHODS = ("auto", *DESCENTS)
+# Up to this many numbers, second-order steps cost less than the many first-order ones that they
+# replace
+FEW = 16
+# A picture is not halved to fewer pixels along its shorter side
+COARSEST = 24
+# Iterations at each resolution
+ITERATIONS = {"lm": 40, "adam": 200}
+# A further start is drawn from the bounds. Where they are open, it is drawn from so many times the
+# scale of each number around the first start
+SPREAD = 4.0
+# Iterations by which starts are compared
+TRIALS = 8
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a fit goes about it; None where the fit chooses."""
+
+    method: str
+    iterations: int | None  # at each resolution, at most
+    levels: int | None  # resolutions, each half the next
+    starts: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            expected = ", ".join(METHODS)
+            raise ValueError(f"method: expected one of {expected}, got {self.method!r}")
+        for name in ("iterations", "levels", "starts"):
+            value = getattr(self, name)
+            if value is not None and (not isinstance(value, int) or value < 1):
+                raise ValueError(f"{name}: expected a whole number from 1 on, got {value!r}")
+
+
+def coarse_to_fine(
+    search: Search, objective: Objective, x: np.ndarray, plan: Plan
+) -> tuple[np.ndarray, str]:
+    """The numbers that fit, and why the search ended.
+
+    Args:
+        x: where to start.
+
+    Raises:
+        ValueError: more levels than the pictures' pixels allow.
+    """
+    few = objective.count <= FEW
+    method = plan.method if plan.method != "auto" else "lm" if few else "adam"
+    descend, iterations = DESCENTS[method], plan.iterations or ITERATIONS[method]
+    pyramid = _pyramid(objective, plan.levels)
+    if plan.starts > 1:
+        ends = []
+        for start in _starts(search, x, plan):
+            end, _ = descend(search, pyramid[0], start, TRIALS, 0)
+            ends.append((pyramid[0].loss(end), end))
+        x = min(ends, key=lambda pair: pair[0])[1]
+    for level, one in enumerate(pyramid):
+        x, stopped = descend(search, one, x, iterations, len(pyramid) - 1 - level)
+    return x, stopped
+
+
+def _pyramid(objective: Objective, levels: int | None) -> list[Objective]:
+    """The objective at so many resolutions, the coarsest first."""
+    smallest = min(min(view.resolution) for view in objective.views)
+    if levels is None:
+        levels = 1 + max(0, int(math.log2(smallest / COARSEST)))
+    if smallest < 1 << (levels - 1):
+        raise ValueError(f"levels: {levels} halvings leave nothing of {smallest} pixels")
+    pyramid = [objective]
+    for _ in range(levels - 1):
+        pyramid.insert(0, pyramid[0].halved())
+    return pyramid
+
+
+def _starts(search: Search, x: np.ndarray, plan: Plan) -> list[np.ndarray]:
+    """The first start, and others drawn at random."""
+    random = np.random.default_rng(plan.seed)
+    closed = np.isfinite(search.low) & np.isfinite(search.high)
+    low = np.where(closed, search.low, np.maximum(search.low, x - SPREAD * search.scale))
+    high = np.where(closed, search.high, np.minimum(search.high, x + SPREAD * search.scale))
+    return [x, *(random.uniform(low, high) for _ in range(plan.starts - 1))]

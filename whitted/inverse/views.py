@@ -1,0 +1,121 @@
+"""What a fit looks at: scenes, and what their images should be."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..scene.scene import Scene
+
+Resolution = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class View:
+    """A scene, and what its image should be."""
+
+    scene: Scene
+    target: np.ndarray  # (height, width, 3)
+    weight: np.ndarray  # (height, width, 1): what a pixel counts for
+
+    @property
+    def resolution(self) -> Resolution:
+        return self.target.shape[1], self.target.shape[0]
+
+    def halved(self) -> "View":
+        """The view at half the resolution.
+
+        A pixel is a mean over its area, so a pixel of the new target is a mean of four.
+        """
+        height, width = (n // 2 * 2 for n in self.target.shape[:2])
+
+        def means(image: np.ndarray) -> np.ndarray:
+            return image[:height, :width].reshape(height // 2, 2, width // 2, 2, -1).mean((1, 3))
+
+        weight = means(self.weight)
+        target = means(self.target * self.weight) / np.where(weight > 0, weight, 1)
+        return replace(self, target=target, weight=weight)
+
+
+def views_of(
+    scene: Scene | Sequence[tuple], target: object, mask: object, resolution: Resolution | None
+) -> list[View]:
+    """The views that `fit` is given: one scene with its target, or several pairs or triples.
+
+    Raises:
+        ValueError: they are neither, or what `view` refuses.
+    """
+    if isinstance(scene, Scene):
+        if target is None:
+            raise ValueError("target: expected an image, got None")
+        return [view(scene, target, mask, resolution)]
+    if target is not None or mask is not None:
+        raise ValueError(
+            "target: with several views, give each as (scene, target) or (scene, target, mask)"
+        )
+    given = list(scene)
+    if not given or not all(_is_view(one) for one in given):
+        raise ValueError("scene: expected a scene, or pairs (scene, target)")
+    return [
+        view(one[0], one[1], one[2] if len(one) == 3 else None, resolution, f"view {k}: ")
+        for k, one in enumerate(given)
+    ]
+
+
+def _is_view(one: object) -> bool:
+    return isinstance(one, tuple) and len(one) in (2, 3) and isinstance(one[0], Scene)
+
+
+def view(
+    scene: Scene, target: object, mask: object, resolution: Resolution | None, where: str = ""
+) -> View:
+    """A checked view.
+
+    Args:
+        target: linear RGB of shape (height, width, 3), a Dr.Jit tensor or what NumPy takes for an
+            array.
+        mask: what each pixel counts for, >= 0, of shape (height, width); None: all count alike.
+        where: what messages begin with.
+
+    Raises:
+        ValueError: a target or a mask of another size, with values that are not numbers, or with
+            nothing left to fit.
+    """
+    width, height = scene.resolution if resolution is None else resolution
+    pixels = _numbers(target, f"{where}target")
+    if pixels.shape != (height, width, 3):
+        raise ValueError(
+            f"{where}target: expected an image of {width} x {height} pixels, the scene's "
+            f"resolution, got shape {pixels.shape}; scale the target, or name its resolution"
+        )
+    weight = _weight(mask, (height, width), f"{where}mask")
+    bad = ~np.isfinite(pixels).all(axis=2) & (weight > 0)
+    if bad.any():
+        y, x = np.argwhere(bad)[0]
+        raise ValueError(
+            f"{where}target: {bad.sum()} pixels are not finite numbers, the first at x {x}, y {y}; "
+            "mask them out"
+        )
+    number = scene.precision.dtype
+    pixels = np.where(weight[:, :, None] > 0, pixels, 0)
+    return View(scene, pixels.astype(number), weight[:, :, None].astype(number))
+
+
+def _weight(mask: object, shape: tuple[int, int], where: str) -> np.ndarray:
+    """What each pixel counts for."""
+    if mask is None:
+        return np.ones(shape)
+    weight = _numbers(mask, where)
+    if weight.shape != shape:
+        raise ValueError(f"{where}: expected shape {shape}, that of the target, got {weight.shape}")
+    if not (np.isfinite(weight).all() and (weight >= 0).all() and weight.any()):
+        raise ValueError(f"{where}: expected weights >= 0 that are not all 0")
+    return weight
+
+
+def _numbers(image: object, where: str) -> np.ndarray:
+    try:
+        return np.asarray(image.numpy() if hasattr(image, "numpy") else image, np.float64)
+    except (TypeError, ValueError):
+        kind = type(image).__name__
+        raise ValueError(f"{where}: expected an array of numbers, got {kind}") from None
