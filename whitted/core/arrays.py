@@ -46,7 +46,7 @@ def select(index: Array, table: Iterable[tuple[int, Array]], default: Array) -> 
 
 
 def any_true(masks: Iterable[Array], like: Array) -> Array:
-    """Whether any of some masks holds; of the type of `like`, any mask."""
+    """Bool: one of some masks holds. `like` is any mask, whose type is taken."""
     result = type(like)(False)
     for mask in masks:
         result |= mask

@@ -5,12 +5,13 @@ A parameter with its neutral value (a weight of 0, a shadow of 1) is left out of
 through that value, and a derivative at that value needs the code.
 """
 
-from collections.abc import Collection, Hashable
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from ..core.arrays import SINGLE
 from ..shapes import SHAPES
+from ..shapes.places import told_by_places
 from .material import Material
 
 if TYPE_CHECKING:
@@ -80,16 +81,9 @@ def _of_materials(scene: "Scene") -> tuple[frozenset[str], frozenset[str], froze
 def _of_places(scene: "Scene") -> tuple[frozenset[int], frozenset[int]]:
     """Which primitives are hidden, and which need compensated sums."""
     numbers = scene.numbers
-    places: dict[Hashable, int] = {}
-    hidden, compensated = set(), set()
-    eye, single = numbers["camera.position"], scene.precision is SINGLE
-    for k, (shape, names) in enumerate(zip(scene.shapes, scene.names_by_shape, strict=True)):
-        own = [numbers[name] for name in names]
-        if places.setdefault((shape.group, shape.place(*own)), k) != k:
-            hidden.add(k)
-        if single and shape.needs_compensation(eye, *own):
-            compensated.add(k)
-    return frozenset(hidden), frozenset(compensated)
+    eye = numbers["camera.position"] if scene.precision is SINGLE else None
+    by_shape = ([numbers[name] for name in names] for names in scene.names_by_shape)
+    return told_by_places(scene.shapes, by_shape, eye)
 
 
 def may(scene: "Scene", material: Material, field: str) -> bool:

@@ -12,7 +12,7 @@ from ..core.arrays import Array, Precision, precision_of
 from ..core.parameter import ANY, NON_NEGATIVE, parameter, parameters_of
 from ..lights import Light
 from ..shapes import SHAPES, Shape
-from ..shapes.sets import ShapeSet
+from ..shapes.sets import ShapeSet, sets_of
 from .camera import Camera
 from .features import Features, features_of
 from .material import Material
@@ -192,24 +192,13 @@ class Scene:
     @cached_property
     def used(self) -> tuple[Material, ...]:
         """The materials of the shapes that rays can meet."""
-        names = {shape.material for one in self.sets for _, shape in one.members}
+        names = {name for primitives in self.sets for name in primitives.made_from}
         return tuple(material for material in self.materials if material.name in names)
 
     @cached_property
     def sets(self) -> tuple[ShapeSet, ...]:
-        """The shapes that rays can meet, by kind. There is at least one set, which may be empty."""
-        sets = []
-        for kind in SHAPES:
-            own = [k for k, shape in enumerate(self.shapes) if type(shape) is kind]
-            if own:
-                met = ((k, self._met(k)) for k in own if k not in self.features.hidden)
-                sets.append(ShapeSet(kind, own[0], len(own), tuple(met)))
-        return tuple(sets) or (ShapeSet(SHAPES[0], 0, 0, ()),)
-
-    def _met(self, k: int) -> Shape:
-        """A shape as rays meet it."""
-        shape: Any = self.shapes[k]
-        return replace(shape, compensated=True) if k in self.features.compensated else shape
+        """The primitives that rays can meet, by kind of shape."""
+        return sets_of(self.shapes, self.features.hidden, self.features.compensated)
 
 
 def _is_recording() -> bool:

@@ -8,6 +8,7 @@ there are.
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import Any
 
 import drjit as dr
@@ -16,6 +17,7 @@ from ..core.arrays import Array, any_true, select
 from ..core.parameter import POSITIVE, Parameter, parameters_of
 from ..core.ray import NONE, Ray, ShadowRay
 from .shape import Shape
+from .sphere import Sphere
 
 
 @dataclass
@@ -45,8 +47,13 @@ class ShapeSet:
     count: int
     members: tuple[tuple[int, Shape], ...]  # those that can be met, by number
 
+    @property
+    def made_from(self) -> frozenset[str]:
+        """The names of the materials of the set's primitives."""
+        return frozenset(shape.material for _, shape in self.members)
+
     def holds(self, index: Array) -> Array:
-        """Whether a primitive is of this set."""
+        """Bool: a primitive is of this set."""
         return (index >= self.first) & (index < self.first + self.count)
 
     def pick(self, index: Array, color: Any) -> Shape:
@@ -74,7 +81,7 @@ class ShapeSet:
         return Hit(t, index, inside)
 
     def blocked(self, ray: ShadowRay, materials: Collection[str]) -> Array:
-        """Whether any primitive of some materials crosses the segment to a light."""
+        """Bool: some primitive of these materials crosses the segment to a light."""
         masks = (crosses for _, _, crosses in self._crossed(ray, materials))
         return any_true(masks, ray.inward)
 
@@ -95,12 +102,11 @@ class ShapeSet:
     def flipped(
         self, a: ShadowRay, b: ShadowRay, materials: Collection[str], best: tuple[Array, Array]
     ) -> tuple[Array, Array]:
-        """Of the primitives that cross one of two segments to a light the one that is nearest to
-        crossing both.
+        """The primitive that crosses one of two segments to a light, and nearly crosses the other.
 
         Args:
-            best: the number of the best primitive so far, and the level of its outline for the
-                segment that it does not cross.
+            best: the number of the best primitive so far, and its outline's level for the segment
+                that it does not cross.
         """
         if not self.kind.casts_edges:
             return best
@@ -120,7 +126,7 @@ class ShapeSet:
 
         Args:
             but: UInt32, the number of a primitive that does not count.
-            fills: material to its index of refraction, and Bool, whether it is transparent.
+            fills: material to its index of refraction, and Bool: it is transparent.
         """
         for number, shape in self.members:
             if self.kind.closed and shape.material in fills:
@@ -134,7 +140,7 @@ class ShapeSet:
         return medium
 
     def materials(self, index: Array) -> dict[str, Array]:
-        """Material to whether the primitive of this number is made of it."""
+        """Material to Bool: the primitive of this number is made of it."""
         made: dict[str, Array] = {}
         for number, shape in self.members:
             here = index == number
@@ -146,17 +152,39 @@ class ShapeSet:
         return sum(shape.material in materials for _, shape in self.members)
 
     def named(self, index: Array, names: Collection[str]) -> Array:
-        """Whether the primitive of this number has one of these names."""
+        """Bool: the primitive of this number has one of these names."""
         masks = (index == number for number, shape in self.members if shape.name in names)
         return any_true(masks, index == NONE)
 
     def _crossed(
         self, ray: ShadowRay, materials: Collection[str]
     ) -> Iterator[tuple[int, str, Array]]:
-        """Of each primitive of some materials: number, material, whether it crosses the segment."""
+        """Number and material of each primitive of some materials, and Bool: it is crossed."""
         for number, shape in self.members:
             if shape.material in materials:
                 yield number, shape.material, shape.blocks(ray, ray.source == number)
+
+
+def sets_of(
+    shapes: Sequence[Shape], hidden: Collection[int], compensated: Collection[int]
+) -> tuple[ShapeSet, ...]:
+    """The sets of some shapes; at least one, which may be empty.
+
+    Args:
+        shapes: by kind, in the order of `SHAPES`.
+        hidden: the primitives that rays never meet.
+        compensated: the primitives that need compensated sums.
+    """
+    sets = []
+    for kind, members in groupby(enumerate(shapes), lambda member: type(member[1])):
+        own = list(members)
+        met = tuple(
+            (number, replace(shape, compensated=True) if number in compensated else shape)  # type: ignore[type-var]
+            for number, shape in own
+            if number not in hidden
+        )
+        sets.append(ShapeSet(kind, own[0][0], len(own), met))
+    return tuple(sets) or (ShapeSet(Sphere, 0, 0, ()),)
 
 
 def _blank(entry: Parameter, color: Any) -> Array:
@@ -187,7 +215,7 @@ class Picked:
         return result
 
     def whether(self, flag: Callable[[type[Shape]], bool]) -> Array | bool:
-        """Whether the lane's own kind has a property; a plain bool where all kinds agree."""
+        """Bool: the lane's own kind has a property; a plain bool where all kinds agree."""
         flags = [flag(type(shape)) for _, shape in self.parts]
         if len(set(flags)) == 1:
             return flags[0]

@@ -54,7 +54,7 @@ def _attach_distance(shape: Picked, ray: Ray, hits: Array, p: Array) -> Array:
 
 
 def materials_of(scene: Scene, index: Array) -> dict[str, Array]:
-    """Material to whether the primitive of this number is made of it."""
+    """Material to Bool: the primitive of this number is made of it."""
     of: dict[str, Array] = {}
     for primitives in scene.sets:
         for name, here in primitives.materials(index).items():
@@ -63,7 +63,7 @@ def materials_of(scene: Scene, index: Array) -> dict[str, Array]:
 
 
 def any_of(scene: Scene, at: Surface, wanted: Callable[[Material], bool]) -> Array:
-    """Whether the surface is of one of the wanted materials."""
+    """Bool: the surface is of one of the wanted materials."""
     return any_true((at.of[m.name] for m in scene.used if wanted(m)), at.hits)
 
 
