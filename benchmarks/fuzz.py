@@ -1,13 +1,15 @@
 """Feed damaged files to `load_scene` and `read_image`, and count what comes of them.
 
-A file is either read or refused with a `SceneError`, `ValueError` or `OSError` of few lines;
-anything else is a failure: another exception, a process that ends, more than the time limit.
-Batches run in processes of their own, which note each input before they read it, so that none is
-lost. Inputs follow from the seed and their number alone.
-
     python benchmarks/fuzz.py [--inputs 20000] [--seed 0] [--keep FOLDER] [--only NUMBER]
 
-Exit status 1 and a line for each failure, with its input kept, where there is any.
+A file has to be read, or refused: with a `SceneError` of which each line names the file, or with a
+`ValueError` of one line that names it. All else is a failure: another exception, a process that
+ends, or more than the time limit. For each failure a line is printed and the input is kept; the
+exit status is 1 if there is any.
+
+Inputs are read in batches, each in a process of its own. That process tells the number of each
+input before it reads it, so that the input that ends it is known. An input depends on nothing but
+the seed and its number.
 """
 
 import argparse
@@ -16,68 +18,73 @@ import io
 import os
 import re
 import resource
+import select
 import subprocess
 import sys
 import tempfile
 import time
+import zlib
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 SCENES = Path(__file__).parent.parent / "scenes"
-SECONDS = 20.0  # that one input may take
-MEMORY = 8 << 30  # address space of a process, so that a header cannot take the machine's memory
+# Time that one input may take
+SECONDS = 20.0
+# Bytes that a process may address, so that a file that claims to be huge cannot take the machine's
+# memory
+MEMORY = 8 << 30
+# Inputs that one process reads
 BATCH = 1000
-LARGE = 500  # one input of so many is a large one
+# One scene file of so many is from `LARGE_SCENES`
+LARGE_EVERY = 500
+# What the names of inputs that failed begin with
+KEPT = "kept-"
 
+# What takes the place of a value in a scene file
 VALUES = [
-    *(
-        "0",
-        "-1",
-        "1e400",
-        "-1e308",
-        "1e-320",
-        "nan",
-        "-inf",
-        "9" * 400,
-        "0x10",
-        "1_000",
-        "true",
-        '""',
-        '"x"',
-        "[]",
-        "{}",
-    ),
-    *(
-        "[1, 2]",
-        "[1, 2, 3, 4]",
-        "[[1], 2, 3]",
-        "1979-05-27T07:32:00Z",
-        "07:32:00",
-        "'''a\nb'''",
-        '"\\u0000"',
-        '"\\U0010FFFF"',
-    ),
-    *(
-        "[nan, 0, 0]",
-        "{ a = 1 }",
-        "[{}]",
-        "'é'",
-        "[1e18, 1e18, 1e18]",
-        "1e18",
-        "1e-18",
-        "257",
-        "1048577",
-        "[1048576, 1048576]",
-    ),
+    "0",
+    "-1",
+    "1e400",
+    "-1e308",
+    "1e-320",
+    "nan",
+    "-inf",
+    "9" * 400,
+    "0x10",
+    "1_000",
+    "true",
+    '""',
+    '"x"',
+    "[]",
+    "{}",
+    "[1, 2]",
+    "[1, 2, 3, 4]",
+    "[[1], 2, 3]",
+    "1979-05-27T07:32:00Z",
+    "07:32:00",
+    "'''a\nb'''",
+    '"\\u0000"',
+    '"\\U0010FFFF"',
+    "[nan, 0, 0]",
+    "{ a = 1 }",
+    "[{}]",
+    "'é'",
+    "[1e18, 1e18, 1e18]",
+    "1e18",
+    "1e-18",
+    "257",
+    "1048577",
+    "[1048576, 1048576]",
 ]
 
 
 def damaged(rng: np.random.Generator, data: bytes) -> bytes:
-    """A copy with one to four things wrong with its bytes."""
+    """A copy with its bytes damaged in one to four ways."""
     for _ in range(rng.integers(1, 5)):
-        data = BYTES[rng.integers(len(BYTES))](rng, data)
+        data = DAMAGES[rng.integers(len(DAMAGES))](rng, data)
     return data
 
 
@@ -86,6 +93,7 @@ def _truncated(rng: np.random.Generator, data: bytes) -> bytes:
 
 
 def _flipped(rng: np.random.Generator, data: bytes) -> bytes:
+    """Up to eight bits flipped."""
     values = np.frombuffer(data, np.uint8).copy()
     for place in rng.integers(0, max(len(data), 1), rng.integers(1, 9)) if data else ():
         values[place] ^= 1 << rng.integers(8)
@@ -93,17 +101,15 @@ def _flipped(rng: np.random.Generator, data: bytes) -> bytes:
 
 
 def _overwritten(rng: np.random.Generator, data: bytes) -> bytes:
-    """Four or eight bytes replaced by those of an extreme number."""
-    place, number = (
-        rng.integers(0, len(data) + 1),
-        rng.choice(np.array([0, 1, -1, 1 << 31, (1 << 31) - 1, 1 << 62, -(1 << 62)])),
-    )
+    """One, four or eight bytes replaced by those of an extreme number."""
+    place = rng.integers(0, len(data) + 1)
+    number = rng.choice(np.array([0, 1, -1, 1 << 31, (1 << 31) - 1, 1 << 62, -(1 << 62)]))
     new = int(number).to_bytes(8, "little", signed=True)[: rng.choice([1, 4, 8])]
     return data[:place] + new + data[place + len(new) :]
 
 
 def _moved(rng: np.random.Generator, data: bytes) -> bytes:
-    """A slice put somewhere else, in place of another or between."""
+    """A slice copied to a place before it, in front of what is there or over it."""
     a, b, c, d = np.sort(rng.integers(0, len(data) + 1, 4))
     return data[:a] + data[c:d] + data[rng.choice([a, b]) :]
 
@@ -113,14 +119,14 @@ def _noise(rng: np.random.Generator, data: bytes) -> bytes:
     return data[:place] + rng.bytes(rng.integers(1, 20)) + data[place:]
 
 
-BYTES: list[Callable] = [_truncated, _flipped, _overwritten, _moved, _noise]
+DAMAGES: list[Callable] = [_truncated, _flipped, _overwritten, _moved, _noise]
 
 
 def scene_input(rng: np.random.Generator, number: int) -> bytes:
-    """A scene file: damaged bytes, wrong values, or what is large or deep."""
-    whole = _seed_scenes()[rng.integers(len(_seed_scenes()))]
-    if number % LARGE == 0:
-        return LARGE_SCENES[number // LARGE % len(LARGE_SCENES)]()
+    """A scene file with damaged bytes, wrong values or mixed lines, or a large or deep one."""
+    whole = _scenes()[rng.integers(len(_scenes()))]
+    if number % LARGE_EVERY == 0:
+        return LARGE_SCENES[number // LARGE_EVERY % len(LARGE_SCENES)]()
     kind = rng.integers(6)
     if kind == 0:
         return damaged(rng, whole)
@@ -132,17 +138,14 @@ def scene_input(rng: np.random.Generator, number: int) -> bytes:
     return text.encode() if kind < 5 else damaged(rng, text.encode())
 
 
-def _seed_scenes() -> list[bytes]:
-    if not SEED_SCENES:
-        SEED_SCENES.extend(path.read_bytes() for path in sorted(SCENES.glob("*.toml")))
-    return SEED_SCENES
-
-
-SEED_SCENES: list[bytes] = []
+@cache
+def _scenes() -> list[bytes]:
+    """The project's scene files."""
+    return [path.read_bytes() for path in sorted(SCENES.glob("*.toml"))]
 
 
 def _value_replaced(rng: np.random.Generator, text: str) -> str:
-    """The value after some equals sign, or one number, replaced by something odd."""
+    """The value behind some equals sign, or some number, replaced by one of `VALUES`."""
     pattern = r"(?<== )[^\n#]+" if rng.random() < 0.6 else r"-?\d+\.?\d*"
     places = list(re.finditer(pattern, text))
     if not places:
@@ -152,7 +155,7 @@ def _value_replaced(rng: np.random.Generator, text: str) -> str:
 
 
 def _word_replaced(rng: np.random.Generator, text: str) -> str:
-    """A key or name replaced by another word of the file, or by what is none."""
+    """A word of the file replaced by another one, or by what is no word or not known."""
     places = list(re.finditer(r"[A-Za-z_]\w*", text))
     if not places:
         return text
@@ -166,7 +169,7 @@ def _word_replaced(rng: np.random.Generator, text: str) -> str:
 
 
 def _lines_mixed(rng: np.random.Generator, text: str) -> str:
-    """Lines left out, doubled or in another order."""
+    """Up to two lines replaced by up to two copies of another, one to five times."""
     lines = text.split("\n")
     for _ in range(rng.integers(1, 6)):
         a, b = rng.integers(len(lines), size=2)
@@ -175,7 +178,10 @@ def _lines_mixed(rng: np.random.Generator, text: str) -> str:
     return "\n".join(lines)
 
 
-CAMERA = b"[camera]\nposition = [0, 0, 3]\nlook_at = [0, 0, 0]\nfov = 50\nresolution = [8, 8]\n[materials.a]\n"
+CAMERA = (
+    b"[camera]\nposition = [0, 0, 3]\nlook_at = [0, 0, 0]\nfov = 50\nresolution = [8, 8]\n"
+    b"[materials.a]\n"
+)
 BALL = b'[[spheres]]\ncenter = [0, 0, 0]\nradius = 1\nmaterial = "a"\n'
 LARGE_SCENES: list[Callable[[], bytes]] = [
     lambda: b"",
@@ -197,7 +203,7 @@ LARGE_SCENES: list[Callable[[], bytes]] = [
 
 
 def exr_input(rng: np.random.Generator, number: int) -> bytes:
-    """An EXR of some kind, damaged but for one in ten."""
+    """An EXR file of some kind; nine of ten are damaged."""
     import OpenEXR
 
     shape = tuple(rng.integers(1, 20, 2))
@@ -206,8 +212,10 @@ def exr_input(rng: np.random.Generator, number: int) -> bytes:
         OpenEXR.ZIP_COMPRESSION,
         OpenEXR.ZIPS_COMPRESSION,
         OpenEXR.PIZ_COMPRESSION,
+        OpenEXR.RLE_COMPRESSION,
+        OpenEXR.B44_COMPRESSION,
+        OpenEXR.DWAA_COMPRESSION,
     ]
-    kinds += [OpenEXR.RLE_COMPRESSION, OpenEXR.B44_COMPRESSION, OpenEXR.DWAA_COMPRESSION]
     layout = OpenEXR.scanlineimage if rng.random() < 0.7 else OpenEXR.tiledimage
     header = {
         "type": layout,
@@ -227,9 +235,7 @@ def exr_input(rng: np.random.Generator, number: int) -> bytes:
 
 
 def png_input(rng: np.random.Generator, number: int) -> bytes:
-    """A PNG of some kind, damaged but for one in ten; half of the damaged ones have checksums that
-    fit.
-    """
+    """A PNG file of some kind; nine of ten are damaged, half of these with correct checksums."""
     from PIL import Image
 
     mode = ["RGB", "RGBA", "L", "LA", "P", "1", "I;16"][
@@ -247,9 +253,7 @@ def png_input(rng: np.random.Generator, number: int) -> bytes:
 
 
 def _with_checksums(data: bytes) -> bytes:
-    """Every chunk's checksum put right, so that what is wrong in it is looked at."""
-    import zlib
-
+    """A PNG with every chunk's checksum corrected, so that readers look at what is in the chunk."""
     out, place = bytearray(data), 8
     while place + 12 <= len(out):
         length = int.from_bytes(out[place : place + 4], "big")
@@ -265,15 +269,17 @@ KINDS = {"toml": scene_input, "exr": exr_input, "png": png_input}
 
 
 def make(seed: int, number: int) -> tuple[str, bytes]:
-    """The kind and the bytes of an input; half of them are scene files."""
+    """The kind and the bytes of an input. Half of all inputs are scene files."""
     rng = np.random.default_rng((seed, number))
     kind = ("toml", "exr", "toml", "png")[number % 4]
     return kind, KINDS[kind](rng, number)
 
 
 def outcome(path: Path) -> str:
-    """What reading a file comes to: "read", the name of an error that is allowed, or else "FAILURE"
-    and why.
+    """What reading a file comes to.
+
+    Returns:
+        "read", the name of an error that is allowed, or "FAILURE: " and why.
     """
     import whitted as wt
 
@@ -281,22 +287,15 @@ def outcome(path: Path) -> str:
         if path.suffix == ".toml":
             scene = wt.load_scene(path)
             values = [np.ravel(value.numpy()) for value in scene.parameters().values()]
-            return (
-                "read"
-                if np.isfinite(np.concatenate(values)).all()
-                else "FAILURE: parameters that are not finite"
-            )
+            finite = np.isfinite(np.concatenate(values)).all()
+            return "read" if finite else "FAILURE: parameters that are not finite"
         image = wt.read_image(path)
         return "read" if image.shape[2:] == (3,) else f"FAILURE: an image of shape {image.shape}"
     except wt.SceneError as error:
-        lines = str(error).split("\n")
-        return (
-            "SceneError"
-            if all(line.startswith(str(path)) for line in lines)
-            else f"FAILURE: {str(error)[:200]!r}"
-        )
+        known = all(line.startswith(str(path)) for line in str(error).split("\n"))
+        return "SceneError" if known else f"FAILURE: {str(error)[:200]!r}"
     except (ValueError, OSError) as error:
-        # Those of Python itself, such as UnicodeDecodeError, tell a user nothing
+        # Python's own messages, such as those of UnicodeDecodeError, do not help a user
         known = type(error) is ValueError and str(path) in str(error) and "\n" not in str(error)
         return "ValueError" if known else f"FAILURE: {type(error).__name__}: {error}"
     except BaseException as error:
@@ -304,12 +303,13 @@ def outcome(path: Path) -> str:
 
 
 def batch(seed: int, first: int, last: int, folder: Path) -> None:
-    """Read some inputs; a line for each goes to standard output, one half before and one half
-    after.
-    """
-    import whitted  # noqa: F401  (before its address space is limited, as LLVM takes much of it)
+    """Read some inputs, and print a line for each.
 
-    # OpenEXR prints what it thinks of a file
+    The first half of the line is printed before the input is read, the second half after.
+    """
+    import whitted  # noqa: F401  (before the address space is limited: LLVM takes much of it)
+
+    # OpenEXR prints to standard output as well, which must not mix with the lines
     out = os.fdopen(os.dup(1), "w")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
@@ -320,21 +320,20 @@ def batch(seed: int, first: int, last: int, folder: Path) -> None:
         print(number, path.name, end=" ", flush=True, file=out)
         start = time.perf_counter()
         result = outcome(path)
-        if [
-            entry
-            for entry in folder.iterdir()
-            if entry != path and not entry.name.startswith("kept-")
-        ]:
+        seconds = time.perf_counter() - start
+        if any(each != path and not each.name.startswith(KEPT) for each in folder.iterdir()):
             result = "FAILURE: left another file"
-        print(
-            f"{time.perf_counter() - start:.3f} {result}".replace("\n", " "), flush=True, file=out
-        )
-        path.rename(folder / f"kept-{path.name}") if result.startswith("FAILURE") else path.unlink()
+        print(f"{seconds:.3f} {result}".replace("\n", " "), flush=True, file=out)
+        if result.startswith("FAILURE"):
+            path.rename(folder / f"{KEPT}{path.name}")
+        else:
+            path.unlink()
 
 
 def results(seed: int, inputs: int, folder: Path) -> Iterator[tuple[str, float, str]]:
-    """Name, seconds and outcome of every input; a batch whose process ended goes on behind the one
-    that ended it.
+    """Name, seconds and outcome of every input.
+
+    When a process ends too early, the next one begins behind the input that ended it.
     """
     first = 0
     while first < inputs:
@@ -350,20 +349,20 @@ def results(seed: int, inputs: int, folder: Path) -> Iterator[tuple[str, float, 
 
 
 def _lines(seed: int, first: int, last: int, folder: Path) -> Iterator[str]:
+    """The lines that a batch in a process of its own prints."""
     arguments = ["--seed", str(seed), "--batch", str(first), str(last), "--keep", str(folder)]
     command = [sys.executable, __file__, *arguments]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, bufsize=0
     ) as process:
         yield from _watched(process)
-    for path in folder.glob(f"[!k]*{first}*"):
-        path.rename(folder / f"kept-{path.name}")
+    # The input that ended the process is still there
+    for path in folder.glob("[0-9]*"):
+        path.rename(folder / f"{KEPT}{path.name}")
 
 
 def _watched(process: subprocess.Popen) -> Iterator[str]:
-    """The lines of a process, which is ended when there is none for too long."""
-    import select
-
+    """The lines that a process prints. It is ended when it prints nothing for too long."""
     text = b""
     while True:
         ready, _, _ = select.select([process.stdout], [], [], SECONDS + 20)
@@ -381,12 +380,20 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--inputs", type=int, default=20_000)
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--inputs", type=int, default=20_000, help="how many files to read")
+    parser.add_argument("--seed", type=int, default=0, help="another seed makes other files")
     parser.add_argument(
-        "--keep", type=Path, help="folder for inputs that fail [default: a new one]"
+        "--keep",
+        type=Path,
+        metavar="FOLDER",
+        help="folder for files that fail [default: a new one]",
     )
-    parser.add_argument("--only", type=int, help="write this input alone to standard output")
+    parser.add_argument(
+        "--only",
+        type=int,
+        metavar="NUMBER",
+        help="write the input of this number to standard output, and read nothing",
+    )
     parser.add_argument("--batch", type=int, nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
     folder = options.keep or Path(tempfile.mkdtemp(prefix="fuzz-"))
@@ -401,7 +408,14 @@ def main() -> int:
 
 
 def report(found: Iterator[tuple[str, float, str]], folder: Path) -> int:
-    """Print the counts and the slowest; returns the exit status."""
+    """Print the failures, the counts and the slowest input.
+
+    Args:
+        found: name, seconds and outcome of every input.
+
+    Returns:
+        The exit status.
+    """
     counts: dict[str, collections.Counter] = collections.defaultdict(collections.Counter)
     slowest, failures = (0.0, ""), 0
     for name, seconds, result in found:
@@ -411,13 +425,10 @@ def report(found: Iterator[tuple[str, float, str]], folder: Path) -> int:
             failures += 1
             print(f"{name}: {result} ({seconds:.1f} s)", flush=True)
     for kind, counter in sorted(counts.items()):
-        print(
-            f"{kind}: {sum(counter.values())} inputs: {', '.join(f'{n} {result}' for result, n in counter.most_common())}"
-        )
-    print(
-        f"slowest: {slowest[1]}, {slowest[0]:.2f} s; failures: {failures}"
-        + (f", kept in {folder}" if failures else "")
-    )
+        outcomes = ", ".join(f"{n} {result}" for result, n in counter.most_common())
+        print(f"{kind}: {sum(counter.values())} inputs: {outcomes}")
+    kept = f", kept in {folder}" if failures else ""
+    print(f"slowest: {slowest[1]}, {slowest[0]:.2f} s; failures: {failures}{kept}")
     return int(failures > 0)
 
 

@@ -1,4 +1,7 @@
-"""The README's pictures of derivatives: python benchmarks/gallery.py [OUT.png]"""
+"""Draw the README's pictures of derivatives.
+
+python benchmarks/gallery.py [OUT.png]
+"""
 
 import sys
 import tempfile
@@ -9,31 +12,24 @@ from PIL import Image
 from whitted.cli import run
 
 ROOT = Path(__file__).parents[1]
-# One parameter of each kind: a position, an index, a light, the camera
+# A parameter, and a component if it is a vector: a position, an index, a light and the camera
 PARAMETERS = [
     ("spheres.diffuse.center", "x"),
     ("materials.glass.ior", None),
     ("lights.key.position", "x"),
     ("camera.fov", None),
 ]
+# Samples and size of each picture
+OPTIONS = ["--spp", "16", "--size", "288x288"]
 
 
 def picture(folder: Path, name: str, component: str | None) -> Image.Image:
     """What `whitted gradient` draws for a parameter."""
-    arguments = [
-        "gradient",
-        str(ROOT / "scenes/cornell.toml"),
-        "--wrt",
-        name,
-        "--spp",
-        "16",
-        "--size",
-        "288x288",
-    ]
     output = folder / f"{name}.exr"
-    status = run(
-        [*arguments, *(["--component", component] if component else []), "-o", str(output)]
-    )
+    arguments = ["gradient", str(ROOT / "scenes/cornell.toml"), "--wrt", name, *OPTIONS]
+    if component:
+        arguments += ["--component", component]
+    status = run([*arguments, "-o", str(output)])
     if status:
         sys.exit(status)
     return Image.open(output.with_suffix(".png")).copy()
@@ -43,9 +39,8 @@ def main() -> None:
     out = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs/gallery.png"
     with tempfile.TemporaryDirectory() as folder:
         pictures = [picture(Path(folder), *parameter) for parameter in PARAMETERS]
-    whole = Image.new(
-        "RGB", (sum(p.width for p in pictures), max(p.height for p in pictures)), "white"
-    )
+    size = sum(p.width for p in pictures), max(p.height for p in pictures)
+    whole = Image.new("RGB", size, "white")
     left = 0
     for p in pictures:
         whole.paste(p, (left, 0))

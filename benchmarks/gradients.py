@@ -1,11 +1,14 @@
-"""Errors of derivatives with edges: python benchmarks/gradients.py [--scene NAME] [--parameter
-REGEX]
+"""Measure the errors of derivatives with edges.
 
-The forward derivative by every parameter at 16 samples a pixel, in double precision, against
-central differences of images with edges at 441 (whitted1980: 36), and of plain samples at 8192 to
-2097152 points in a pixel where those are not enough. Each error is written into docs/gradients.csv
-when it is measured, in place of an older one, and docs/gradients.png shows what is there (needs the
-`bench` extra). All scenes take some hours.
+    python benchmarks/gradients.py [--scene NAME] [--parameter REGEX]
+
+Measured is the forward derivative by every parameter, at 16 samples a pixel in double precision.
+The reference is central differences of images with edges at 441 samples a pixel (whitted1980: 36).
+Where these are too coarse to tell whether a derivative is right, pixels get differences of plain
+samples instead, at 8192 to 2097152 points in the pixel.
+
+Each error is written to docs/gradients.csv as soon as it is measured, in place of an older one.
+docs/gradients.png shows what that file holds (needs the `bench` extra). All scenes take some hours.
 """
 
 import argparse
@@ -32,19 +35,33 @@ COLUMNS = (
     "of sum",
     "of the reference's sum",
     "of moduli",
+    "bound",
+    "spp 1",
+    "spp 4",
 )
-COLUMNS += ("bound", "spp 1", "spp 4")
-# Samples a pixel of a reference (not 64, which have the same finer grid as 16), and parts of the
-# step, of which the surest is taken; of a scene where these take minutes fewer
-REFERENCE, FEWER = (441, (1.0, 0.3)), {"whitted1980": (36, (1.0, 0.1))}
-# Where that is too coarse to tell whether a derivative is right, so many pixels are sampled anew,
-# plainly: at so many points until the error is known well enough, with more points fewer of them
+RESOLUTION = (128, 128)
+# The step by which parameters are moved, along a random direction: by the last part of their names,
+# and for all others
+STEPS, STEP = {"fov": 1e-2, "ior": 1e-3}, 1e-4
+# Samples a pixel of the reference, and multiples of the step, of which the most certain is taken.
+# 64 samples would not do: they have the same finer grid as 16.
+REFERENCE = (441, (1.0, 0.3))
+# The same for scenes where that takes minutes for one parameter
+FEWER = {"whitted1980": (36, (1.0, 0.1))}
+# Plain samples in a pixel, and how many pixels get so many at most. A pixel gets more of them until
+# its error is small enough.
 POINTS = {1 << 13: 1500, 1 << 18: 500, 1 << 21: 40}
-# Parts of the step there, each a quarter of the one before; and twice the lattices' steps, squared
-STEPS, LATTICES = (16.0, 4.0, 1.0, 1 / 4, 1 / 16, 1 / 64), (2, 3, 5, 7, 11, 13, 17, 19)
-# Where the sum of the derivative's image is farther from the reference's, that is found with larger
-# steps as well
-SUM, LARGER = 0.02, (4.0, 16.0, 64.0)
+# Multiples of the step of plain samples, each a quarter of the one before
+PLAIN_STEPS = (16.0, 4.0, 1.0, 1 / 4, 1 / 16, 1 / 64)
+# Plain samples lie on several lattices; from one point of a lattice to the next, y grows by half
+# the square root of a prime
+LATTICES = (2, 3, 5, 7, 11, 13, 17, 19)
+# Where the derivative, summed over the image, is off by more than this part of the reference's sum,
+# that sum is measured by these multiples of the step as well. The largest is 0.0064 where a range
+# is closed, less than the 0.01 by which `Scene.replace` lets a number leave such a range.
+SUM, SUM_STEPS = 0.02, (4.0, 16.0, 64.0)
+# What the names of parameters of one kind have in common. The first of each kind in a scene is
+# measured at fewer samples as well.
 KINDS = (
     "center",
     "radius",
@@ -61,85 +78,82 @@ KINDS = (
 def image(scene, spp: int) -> np.ndarray:
     import whitted as wt
 
-    return wt.render(scene, spp, resolution=(128, 128)).numpy()
+    return wt.render(scene, spp, resolution=RESOLUTION).numpy()
 
 
 class Derivative:
-    """The derivative of a scene's image by one parameter along one direction, exact and by
-    differences.
+    """The derivative of a scene's image by one parameter: exact, and by differences.
 
     Args:
-        still: from samples a pixel to the scene's image.
+        unmoved: a function from samples a pixel to the scene's image.
     """
 
-    def __init__(self, scene, name: str, still: Callable[[int], np.ndarray]) -> None:
-        self.scene, self.name, self.still = scene, name, still
+    def __init__(self, scene, name: str, unmoved: Callable[[int], np.ndarray]) -> None:
+        self.scene, self.name, self.unmoved = scene, name, unmoved
         self.value = np.asarray(scene.parameters(name)[name]).ravel()
         direction = np.random.default_rng(zlib.crc32(name.encode())).normal(size=len(self.value))
         self.direction = direction / np.linalg.norm(direction) if len(direction) > 1 else np.ones(1)
-        self.step = {"fov": 1e-2, "ior": 1e-3}.get(name.rpartition(".")[2], 1e-4)
+        self.step = STEPS.get(name.rpartition(".")[2], STEP)
 
     def exact(self, spp: int) -> np.ndarray:
+        """The derivative along the parameter's direction, in forward mode."""
         import drjit as dr
 
         import whitted as wt
 
-        # All parameters that the scene uses, so that they share their kernels
-        values = dr.detach(self.scene.parameters(*{self.name, *self.scene.nonzero}))
+        # With all parameters that the kernels have compiled in, so that many derivatives share one
+        values = dr.detach(self.scene.parameters(*{self.name, *self.scene.features.live}))
         dr.enable_grad(values)
         for name, value in values.items():
-            dr.set_grad(
-                value,
-                type(value)(*self.direction.tolist())
-                if name == self.name
-                else dr.zeros(type(value)),
-            )
-        image = wt.render(self.scene.replace(values), spp, resolution=(128, 128))
+            along = self.direction.tolist() if name == self.name else [0]
+            dr.set_grad(value, type(value)(*along))
+        image = wt.render(self.scene.replace(values), spp, resolution=RESOLUTION)
         return dr.forward_to(image).numpy()
 
-    def moved(self, spp: int, factor: float) -> np.ndarray:
-        """The image where the parameter is moved by a multiple of the step."""
-        return image(
-            self.scene.replace({self.name: self.value + factor * self.step * self.direction}), spp
-        )
+    def scene_at(self, factor: float):
+        """The scene with the parameter moved by a multiple of the step."""
+        return self.scene.replace({self.name: self.value + factor * self.step * self.direction})
 
     def differences(self, spp: int, factor: float) -> tuple[np.ndarray, np.ndarray]:
-        """Central differences, and forward ones. How far they are apart is the larger part of the
-        central ones' error.
-        """
-        forward, back, h = self.moved(spp, factor), self.moved(spp, -factor), factor * self.step
-        return (forward - back) / (2 * h), (forward - self.still(spp)) / h
+        """Central differences and forward ones, of a multiple of the step.
 
-    def total(self, spp: int, near: float, far: float) -> tuple[float, float]:
-        """The sum of the derivative's image of the surest step, from those of two steps on, and how
-        far from the next's.
+        How far they are apart tells the error of the central ones.
         """
-        found = [near]
-        for factor in LARGER:
-            found.append(
-                (self.moved(spp, factor) - self.moved(spp, -factor)).sum()
-                / (2 * factor * self.step)
-            )
-        pairs = [(near, abs(far - near)), *((b, abs(b - a)) for a, b in pairwise(found))]
-        return min(pairs, key=lambda pair: pair[1])
+        ahead, back = (image(self.scene_at(sign * factor), spp) for sign in (1, -1))
+        h = factor * self.step
+        return (ahead - back) / (2 * h), (ahead - self.unmoved(spp)) / h
+
+    def total(self, spp: int, central: float, forward: float) -> tuple[float, float]:
+        """The sum of the derivative over the image, of the most certain step, and its uncertainty.
+
+        A step's uncertainty is how far its sum is from that of the step before. For the first step
+        it is how far central and forward differences, which are given, are apart.
+        """
+        sums = [central]
+        for factor in SUM_STEPS:
+            ahead, back = (image(self.scene_at(sign * factor), spp) for sign in (1, -1))
+            sums.append((ahead - back).sum() / (2 * factor * self.step))
+        certain = [(central, abs(forward - central))]
+        certain += [(total, abs(total - before)) for before, total in pairwise(sums)]
+        return min(certain, key=lambda pair: pair[1])
 
     @cached_property
     def plain(self):
-        """A function from a part of the step to the differences of plain samples in a pixel, and
-        how unsure they are, twice.
+        """A function from a multiple of the step to differences of plain samples in a pixel.
 
-        They are on some lattices, each of which sees edges well but those along its own directions.
-        Their scatter tells the noise, which is at least what two points make that an edge passes.
-        The other error is that of the step: as edges pass a part of the pixel, that part of what
-        they change may be new or gone.
+        The samples are on several lattices. Each lattice sees edges well, but for those along its
+        own directions. The function returns the slope and two errors. The first is noise: the
+        scatter of the lattices' slopes, or the slope that two points make when an edge passes them,
+        whichever is larger. The second is the step's own error: the edges sweep over a part of the
+        pixel, and that part of the change may not be theirs at the parameter's value.
         """
         import drjit as dr
         from drjit.llvm import ad
-        from whitted.trace import Limits
 
-        from whitted import probe
+        from whitted.edges.kernels import labelled_samples
+        from whitted.tracing.node import Limits
 
-        size, scene = ad.Array2f64(128, 128), self.scene
+        size, scene = ad.Array2f64(*RESOLUTION), self.scene
         limits = Limits(
             scene.max_depth,
             ad.UInt32(scene.max_depth),
@@ -149,10 +163,10 @@ class Derivative:
 
         @lru_cache
         def moved(factor: float) -> tuple:
-            there = scene.replace({self.name: self.value + factor * self.step * self.direction})
+            there = self.scene_at(factor)
             values = there.parameters()
             dr.make_opaque(values)
-            return there.shape, values
+            return there.structure, values
 
         def differences(
             factor: float, x: int, y: int, points: int
@@ -163,37 +177,32 @@ class Derivative:
             at = ad.Float64(x + across), ad.Float64(y + along)
             dr.make_opaque(size, limits, at)
             ahead, back = (
-                probe.samples(*moved(sign * factor), size, limits, *at)[0] for sign in (1, -1)
+                labelled_samples(*moved(sign * factor), size, limits, *at)[0] for sign in (1, -1)
             )
             colors = np.stack([channel.numpy() for channel in (*ahead, *back)])
-            change, seen, width = (
-                colors[:3] - colors[3:],
-                np.ptp(colors[:3], 1),
-                2 * factor * self.step,
-            )
+            change, seen = colors[:3] - colors[3:], np.ptp(colors[:3], 1)
+            width = 2 * factor * self.step
             slopes = change.reshape(3, len(LATTICES), -1).mean(2) / width
-            noise = slopes.std(1) * (2 / len(LATTICES) ** 0.5), seen / (factor * self.step * points)
+            scatter = slopes.std(1) * (2 / len(LATTICES) ** 0.5)
+            two_points = seen / (factor * self.step * points)
             passed = abs(change).mean(1) ** 2 / np.maximum(seen, 1e-9) / width
-            return (
-                slopes.mean(1),
-                max(np.linalg.norm(each) for each in noise),
-                np.linalg.norm(passed),
-            )
+            noise = max(np.linalg.norm(scatter), np.linalg.norm(two_points))
+            return slopes.mean(1), noise, np.linalg.norm(passed)
 
         return differences
 
     def pixel(
         self, x: int, y: int, enough: float, points: Sequence[int]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Plain differences in one pixel, of the surest step and the least points with an error
-        below `enough`, and with it.
+        """The derivative of one pixel by plain differences, and the same with its error added.
 
-        A step's error is its noise, or its own, of which there is no more than how far its value is
-        from that of the step before, or how far that is from one of a smaller step by more than
-        twice that one's noise. With more points only those steps are tried whose noise may get
-        small enough to tell.
+        It is taken with the first number of points that brings an error below `enough`, at the
+        most certain step. A step's error is its noise or its own error, whichever is larger. Its
+        own error is at most the distance to the derivative of the step before. It is at least the
+        distance to that of a smaller step, less twice the noise of that one. With more points only
+        those steps are tried whose noise may get small enough.
         """
-        steps = STEPS
+        steps = PLAIN_STEPS
         for number, following in pairwise([*points, points[-1]]):
             values, noise, passed = zip(
                 *(self.plain(step, x, y, number) for step in steps), strict=True
@@ -215,80 +224,100 @@ class Derivative:
                 for step, each in zip(steps, noise, strict=True)
                 if each < 3 * quieter * errors[best]
             ]
+        # The error's norm is over three channels
         return values[best], values[best] + errors[best] / 3**0.5
 
     @property
     def bound(self) -> float:
-        """Relative error that is allowed: more for what is seen in, or through, a mirror or glass."""
-        kind, _, rest = self.name.partition(".")
-        shiny = {
-            m.name
-            for m in self.scene.materials
-            if m.reflection.numpy()[0] > 0 or m.refraction.numpy()[0] > 0
-        }
+        """The relative error that is allowed.
+
+        It is larger for the camera, for indices of refraction, and for mirrors, glass and what is
+        made of them.
+        """
+        group, _, rest = self.name.partition(".")
         owner = rest.partition(".")[0]
-        if kind in ("spheres", "planes"):
-            owner = next(item.material for item in getattr(self.scene, kind) if item.name == owner)
-        return 0.1 if kind == "camera" or owner in shiny or self.name.endswith(".ior") else 0.05
+        materials = {(shape.group, shape.name): shape.material for shape in self.scene.shapes}
+        material_name = materials.get((group, owner), owner)
+        shiny = {
+            material.name
+            for material in self.scene.materials
+            if material.reflection.numpy()[0] > 0 or material.refraction.numpy()[0] > 0
+        }
+        hard = group == "camera" or material_name in shiny or self.name.endswith(".ior")
+        return 0.1 if hard else 0.05
 
 
 def measure(derivative: Derivative, spp: int, factors: Sequence[float]) -> dict:
-    """The error of one derivative.
+    """The error of one derivative, and what is known of the reference.
 
-    Central differences are compared, and those forward tell the reference's own error. Where it is
-    not below a third of the bound, or the derivative's not below half, pixels where these differ
-    most have differences of their own.
+    The reference is central differences. How far forward differences are from these tells the
+    reference's own error. If that is more than a third of the bound, or the derivative's error more
+    than half of it, those pixels that are most in doubt are measured again by plain samples.
     """
     row = {"exact": derivative.exact(1), "bound": derivative.bound, "refined": 0}
     if not row["exact"].any() and not derivative.differences(1, 1)[0].any():
         return row
     exact, bound = derivative.exact(16), row["bound"]
-    near, far = min(
+    central, forward = min(
         (derivative.differences(spp, factor) for factor in factors),
-        key=lambda pair: relative(*pair[::-1]),
+        key=lambda pair: relative(pair[1], pair[0]),
     )
-    if relative(exact, near) > bound / 2 or relative(far, near) > bound / 3:
-        doubt = np.sqrt(np.maximum(((exact - near) ** 2).sum(2), ((far - near) ** 2).sum(2)))
-        small = bound / 200 * np.linalg.norm(near)
-        for rank, place in enumerate(np.argsort(doubt.ravel())[: -max(POINTS.values()) - 1 : -1]):
-            y, x = divmod(int(place), doubt.shape[1])
-            if doubt[y, x] < small:
-                break
-            value, other = derivative.pixel(
-                x, y, small, [number for number, most in POINTS.items() if rank < most]
-            )
-            error, claimed = np.linalg.norm(other - value), np.linalg.norm(far[y, x] - near[y, x])
-            # Surer, or so far from it that the images agree by chance
-            if error < claimed or np.linalg.norm(near[y, x] - value) > 5 * error + claimed:
-                near[y, x], far[y, x] = value, other
-                row["refined"] += 1
-    row["uncertain"] = relative(far, near)
-    total, unsure = near.sum(), abs(far.sum() - near.sum())
+    if relative(exact, central) > bound / 2 or relative(forward, central) > bound / 3:
+        refine(row, derivative, exact, central, forward)
+    row["uncertain"] = relative(forward, central)
+    total, uncertain = central.sum(), abs(forward.sum() - central.sum())
     if abs(exact.sum() - total) > SUM * abs(total):
-        total, unsure = derivative.total(spp, total, far.sum())
-    sums = [
-        abs(exact.sum() - total) / abs(total),
-        unsure / abs(total),
-        abs(exact.sum() - total) / np.abs(near).sum(),
-    ]
-    return row | {"exact": exact, "reference": near, "error": relative(exact, near), "sums": sums}
+        total, uncertain = derivative.total(spp, total, forward.sum())
+    off = abs(exact.sum() - total)
+    sums = [off / abs(total), uncertain / abs(total), off / np.abs(central).sum()]
+    error = relative(exact, central)
+    return row | {"exact": exact, "reference": central, "error": error, "sums": sums}
+
+
+def refine(
+    row: dict,
+    derivative: Derivative,
+    exact: np.ndarray,
+    central: np.ndarray,
+    forward: np.ndarray,
+) -> None:
+    """Put plain differences in place of the pixels most in doubt, and count them in the row."""
+    doubt = np.sqrt(np.maximum(((exact - central) ** 2).sum(2), ((forward - central) ** 2).sum(2)))
+    small = row["bound"] / 200 * np.linalg.norm(central)
+    for rank, place in enumerate(np.argsort(doubt.ravel())[: -max(POINTS.values()) - 1 : -1]):
+        y, x = divmod(int(place), doubt.shape[1])
+        if doubt[y, x] < small:
+            break
+        points = [number for number, most in POINTS.items() if rank < most]
+        value, other = derivative.pixel(x, y, small, points)
+        error = np.linalg.norm(other - value)
+        claimed = np.linalg.norm(forward[y, x] - central[y, x])
+        # They are more certain, or so far off that central and forward differences agree by chance
+        if error < claimed or np.linalg.norm(central[y, x] - value) > 5 * error + claimed:
+            central[y, x], forward[y, x] = value, other
+            row["refined"] += 1
+
+
+def header() -> str:
+    """The line above those of `described`."""
+    errors = f"{'error':>9}{'reference':>11}{'refined':>9}"
+    sums = f"{'of sum':>10}{'reference':>10}{'of moduli':>10}"
+    return f"{'parameter':32}{errors}{sums}{'bound':>7}"
 
 
 def described(name: str, row: dict) -> str:
-    """A line of the table."""
+    """A parameter's errors in one line."""
     if "error" not in row:
         return f"{name:32}no effect, largest |J| {np.abs(row['exact']).max():.1e}"
     verdict = "pass" if row["error"] <= row["bound"] else "FAIL"
     mark = " (reference uncertain)" if row["uncertain"] > row["bound"] / 3 else ""
-    errors, sums = (
-        f"{row['error']:9.5f}{row['uncertain']:11.5f}",
-        "".join(f"{error:10.5f}" for error in row["sums"]),
-    )
-    return f"{name:32}{errors}{row['refined']:>9}{sums}{row['bound']:7.2f}  {verdict}{mark}"
+    errors = f"{row['error']:9.5f}{row['uncertain']:11.5f}{row['refined']:>9}"
+    sums = "".join(f"{error:10.5f}" for error in row["sums"])
+    return f"{name:32}{errors}{sums}{row['bound']:7.2f}  {verdict}{mark}"
 
 
 def worst(row: dict) -> Iterator[str]:
-    """The pixels with the largest errors, and their share of its square."""
+    """The five pixels with the largest errors, and their parts of the square of the error."""
     squares = ((row["exact"] - row["reference"]) ** 2).sum(2)
     for place in np.argsort(squares.ravel())[:-6:-1]:
         y, x = divmod(int(place), squares.shape[1])
@@ -308,7 +337,11 @@ def table() -> dict[tuple[str, str], dict]:
 
 
 def record(scene: str, parameter: str, row: dict, errors: list[float]) -> None:
-    """Put a derivative's errors into the file."""
+    """Write a derivative's errors to the file.
+
+    Args:
+        errors: those at 1 and at 4 samples a pixel, or none.
+    """
     values = dict.fromkeys(COLUMNS, "") | {
         "scene": scene,
         "parameter": parameter,
@@ -332,24 +365,21 @@ def record(scene: str, parameter: str, row: dict, errors: list[float]) -> None:
 
 
 def gradients(name: str, only: str) -> str:
-    """Measure a scene's derivatives, and say in a line how many pass."""
+    """Measure a scene's derivatives, and say in a line how many pass.
+
+    Args:
+        only: a regular expression, for parameters in whose names it is found.
+    """
     import whitted as wt
 
-    scene = wt.load_scene(SCENES / f"{name}.toml", "double")
-    rows, kinds, start, still = (
-        {},
-        list(KINDS),
-        time.perf_counter(),
-        lru_cache(partial(image, scene)),
-    )
-    print(f"{name}, 128 x 128, spp 16: relative L2 error", flush=True)
-    print(
-        f"{'parameter':32}{'error':>9}{'reference':>11}{'refined':>9}{'of sum':>10}{'reference':>10}{'/ sum||':>10}{'bound':>7}"
-    )
+    start, scene = time.perf_counter(), wt.load_scene(SCENES / f"{name}.toml", "double")
+    rows, kinds, unmoved = {}, list(KINDS), lru_cache(partial(image, scene))
+    print(f"{name}, {RESOLUTION[0]} x {RESOLUTION[1]}, spp 16: relative L2 error", flush=True)
+    print(header())
     for parameter in scene.parameters():
         if not re.search(only, parameter):
             continue
-        derivative = Derivative(scene, parameter, still)
+        derivative = Derivative(scene, parameter, unmoved)
         row = rows[parameter] = measure(derivative, *FEWER.get(name, REFERENCE))
         print(described(parameter, row), flush=True)
         kind = next((kind for kind in kinds if kind in parameter), None)
@@ -360,37 +390,35 @@ def gradients(name: str, only: str) -> str:
             kinds.remove(kind)
             errors = [relative(derivative.exact(spp), row["reference"]) for spp in BOUNDARY[:2]]
             steep = slope(BOUNDARY, [*errors, row["error"]])
-            print(
-                "    spp 1, 4:" + "".join(f"{e:9.5f}" for e in errors) + f", slope {steep:.2f}",
-                flush=True,
-            )
+            printed = "".join(f"{error:9.5f}" for error in errors)
+            print(f"    spp 1, 4:{printed}, slope {steep:.2f}", flush=True)
         record(name, parameter, row, errors)
-    found = {parameter: row for parameter, row in rows.items() if "error" in row}
-    failed = [parameter for parameter, row in found.items() if row["error"] > row["bound"]]
-    most = max(
-        found,
-        key=lambda parameter: found[parameter]["error"] / found[parameter]["bound"],
-        default="none",
-    )
-    error = f"worst {most} {found[most]['error']:.4f}, " if found else ""
-    text = f"{name:20}{len(found) - len(failed)} of {len(found)} pass, {error}{len(rows) - len(found)} without effect"
-    text += "".join(
-        f"\n    FAIL {parameter} {found[parameter]['error']:.4f}" for parameter in failed
-    )
+    text = summary(name, rows)
     print(f"{text}\n{time.perf_counter() - start:.0f} s\n", flush=True)
     return text
 
 
+def summary(scene: str, rows: dict[str, dict]) -> str:
+    """How many of a scene's derivatives pass, the worst one, and a line for each that fails."""
+    found = {parameter: row for parameter, row in rows.items() if "error" in row}
+    failed = [parameter for parameter, row in found.items() if row["error"] > row["bound"]]
+    text = f"{scene:20}{len(found) - len(failed)} of {len(found)} pass, "
+    if found:
+        most = max(found, key=lambda name: found[name]["error"] / found[name]["bound"])
+        text += f"worst {most} {found[most]['error']:.4f}, "
+    text += f"{len(rows) - len(found)} without effect"
+    return "\n".join([text, *(f"    FAIL {name} {found[name]['error']:.4f}" for name in failed)])
+
+
 def draw() -> None:
-    """Errors against samples a pixel, for a parameter of each kind of each scene."""
+    """Plot errors against samples a pixel, for a parameter of each kind of each scene."""
     rows = [row for row in table().values() if row["spp 1"]]
     names = sorted({row["scene"] for row in rows})
     figure, axes = panels(names)
     for row in rows:
         errors = [float(row[column]) for column in ("spp 1", "spp 4", "error")]
-        axes[row["scene"]].plot(
-            BOUNDARY, errors, "o-", label=f"{row['parameter']}, slope {slope(BOUNDARY, errors):.2f}"
-        )
+        label = f"{row['parameter']}, slope {slope(BOUNDARY, errors):.2f}"
+        axes[row["scene"]].plot(BOUNDARY, errors, "o-", label=label)
     for panel in axes.values():
         panel.legend(fontsize=7)
     axes[names[0]].set_ylabel("relative L2 error")
@@ -402,10 +430,16 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "--scene", action="append", help="only this scene of the folder scenes; may be repeated"
+        "--scene",
+        action="append",
+        metavar="NAME",
+        help="measure only this scene of the folder scenes; may be repeated",
     )
     parser.add_argument(
-        "--parameter", default="", help="only parameters in whose names this regular expression is"
+        "--parameter",
+        default="",
+        metavar="REGEX",
+        help="measure only parameters in whose names this regular expression is found",
     )
     arguments = parser.parse_args()
     names = arguments.scene or sorted(path.stem for path in SCENES.glob("*.toml"))

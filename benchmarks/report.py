@@ -1,9 +1,11 @@
-"""The three tables of the report that this project implements, its seconds beside ours: python
-benchmarks/report.py [-o DIR]
+"""Measure the three tables of the report that this project implements.
 
-The report's renderer ran on an Intel i7-3610M; ours on this machine. Ours is warm and in single
-precision, at one sample a pixel, the median of several whole calls; the first call's compile time
-stands apart. Writes report.csv and report.png (needs the `bench` extra).
+    python benchmarks/report.py [-o DIR]
+
+The tables are times by depth, by resolution and by material. Each time is printed beside ours.
+The report's renderer ran on an Intel i7-3610M, ours runs on this machine: in single precision, with
+one sample a pixel. Ours is the median of several whole calls, once all kernels are compiled;
+compile time is told apart. Writes report.csv and report.png (needs the `bench` extra).
 """
 
 import argparse
@@ -17,17 +19,18 @@ import time
 from pathlib import Path
 
 SCENES = Path(__file__).parent.parent / "scenes"
+# The report's seconds by depth, by width in pixels and by material
 DEPTHS = {1: 16, 5: 16, 10: 16, 20: 16}
 SIZES = {100: 1, 300: 6, 600: 25, 1000: 78, 1200: 122}
 MATERIALS = {"diffuse": 16, "mirror": 17, "glass": 18, "mixed": 18}
 
 
 def measure(scene: str, size: int, depth: int) -> tuple[float, float]:
-    """Seconds to compile, and of a call when all is compiled."""
+    """Seconds to compile, and seconds of a call once all is compiled."""
     import drjit as dr
 
     import whitted as wt
-    from whitted import timing
+    from whitted.measure.timing import recorded
 
     loaded = wt.load_scene(SCENES / f"three_{scene}.toml")
 
@@ -37,7 +40,7 @@ def measure(scene: str, size: int, depth: int) -> tuple[float, float]:
         dr.sync_thread()
         return time.perf_counter() - start
 
-    with timing.recorded() as first:
+    with recorded() as first:
         call()
     return first.compile_seconds, statistics.median(call() for _ in range(15))
 
@@ -58,9 +61,8 @@ def rows() -> list[dict]:
             "compile_s": compiled,
             "ratio": seconds / ours,
         }
-        print(
-            f"{name:12}{value!s:>8}{seconds:10} s{ours:12.4f} s{compiled:10.2f} s{row['ratio']:10.0f} x"
-        )
+        times = f"{seconds:10} s{ours:12.4f} s{compiled:10.2f} s{row['ratio']:10.0f} x"
+        print(f"{name:12}{value!s:>8}{times}")
         table.append(row)
     return table
 
@@ -77,7 +79,7 @@ def plot(table: list[dict], path: Path) -> None:
         labels = [str(row["value"]) for row in here]
         panel.plot(labels, [row["report_s"] for row in here], "o-", label="the report (i7-3610M)")
         panel.plot(labels, [row["ours_s"] for row in here], "s-", label="whitted, warm")
-        # The kernel of a row that needed no new one was compiled before
+        # A row that needed no new kernel has no compile time
         compiled = [row["compile_s"] if row["compile_s"] > 0.01 else math.nan for row in here]
         panel.plot(labels, compiled, "^:", color="gray", label="whitted, compile (once)")
         panel.set(title=name, yscale="log", ylim=(1e-4, 500))
@@ -101,7 +103,7 @@ def main() -> None:
     folder = parser.parse_args().output
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as cache:
-        # Compile times are of an empty cache
+        # An empty cache, so that compile times are of compiling and not of loading
         os.environ["DRJIT_CACHE_DIR"] = cache
         print(f"{platform.machine()}, {os.cpu_count()} cores")
         print("table          value   the report        ours    compile     ratio")

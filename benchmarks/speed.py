@@ -1,9 +1,11 @@
-"""Speed against the yardstick, cold and warm starts, and scaling: python benchmarks/speed.py
+"""Measure speed against the yardstick, cold and warm starts, and scaling.
 
-Every ratio is of calls that take turns in one run. The yardstick (yardstick.py) is the smallest
-Dr.Jit kernel that does the same work on the same scene, an unrolled tree of rays in frozen
-functions. Times are of the whole call, with synchronisation, after all kernels are compiled, unless
-a line says otherwise.
+    python benchmarks/speed.py
+
+The yardstick (yardstick.py) is the smallest Dr.Jit kernel that does the same work on the same
+scene: an unrolled tree of rays in frozen functions. Calls that are compared take turns in one run.
+Times are of the whole call, with synchronisation, once all kernels are compiled, unless a line says
+otherwise.
 """
 
 import os
@@ -14,11 +16,17 @@ import tempfile
 import time
 from pathlib import Path
 
-HERE = Path(__file__).parent
-CENTERS = [f"spheres.sphere{k}.{field}" for k in range(3) for field in ("center", "radius")]
-NAMES = [*CENTERS, "materials.mirror.ior", "materials.glass.ior", "materials.green.ior"]
+from clock import milliseconds
 
-COLD = """
+HERE = Path(__file__).parent
+PLACES = [f"spheres.sphere{k}.{field}" for k in range(3) for field in ("center", "radius")]
+NAMES = [*PLACES, "materials.mirror.ior", "materials.glass.ior", "materials.green.ior"]
+# The first calls compile and warm up: so many of them are left out of the medians
+FIRST = 5
+
+# A new process: prints the seconds from its start to its first image and to its first gradient.
+# Arguments: the time of the start, the scene file, and the parameters of the gradient.
+START = """
 import time, os, sys
 start = float(sys.argv[1])
 import whitted as wt
@@ -38,7 +46,7 @@ print(time.time() - start)
 
 
 def against_yardstick(rounds: int = 40) -> None:
-    """The image, and the gradient in a loop of the user's own, taking turns with the yardstick's."""
+    """The image, and a gradient loop as a user writes it, in turns with the yardstick's."""
     import drjit as dr
     import yardstick
 
@@ -71,40 +79,31 @@ def against_yardstick(rounds: int = 40) -> None:
     times: dict[str, list[float]] = {name: [] for name in calls}
     for _ in range(rounds):
         for name, call in calls.items():
-            times[name].append(clock(call))
-    middle = {name: statistics.median(values[5:]) for name, values in times.items()}
+            times[name].append(milliseconds(call))
+    median = {name: statistics.median(values[FIRST:]) for name, values in times.items()}
     for name, values in times.items():
-        print(
-            f"{name:22}{middle[name]:8.2f} ms   (fastest {min(values):.2f}, first call, which compiles, {values[0]:.0f})"
-        )
-    bound = 1.3 * middle["yardstick, image"] + 1
-    print(
-        f"image:    {middle['ours, image']:.2f} ms, allowed 1.3 x yardstick + 1 ms = {bound:.2f} ms"
-    )
-    bound = 1.3 * (middle["yardstick, image"] + middle["yardstick, gradient"]) + 2
-    print(
-        f"gradient: {middle['ours, gradient loop']:.2f} ms, allowed 1.3 x both yardsticks + 2 ms = {bound:.2f} ms"
-    )
+        more = f"fastest {min(values):.2f}, first call, which compiles, {values[0]:.0f}"
+        print(f"{name:22}{median[name]:8.2f} ms   ({more})")
+    allowed = 1.3 * median["yardstick, image"] + 1
+    told = f"allowed 1.3 x yardstick + 1 ms = {allowed:.2f} ms"
+    print(f"image:    {median['ours, image']:.2f} ms, {told}")
+    allowed = 1.3 * (median["yardstick, image"] + median["yardstick, gradient"]) + 2
+    told = f"allowed 1.3 x both yardsticks + 2 ms = {allowed:.2f} ms"
+    print(f"gradient: {median['ours, gradient loop']:.2f} ms, {told}")
 
 
 def steps_of_a_fit(count: int = 200) -> None:
-    """One step after the other, as a fit takes them."""
+    """One step of a fit, among others that follow each other."""
     import drjit as dr
 
     import whitted as wt
 
-    cornell, options = (
-        wt.load_scene(HERE.parent / "scenes" / "cornell.toml"),
-        {"resolution": (256, 256), "max_depth": 5},
-    )
-    # No residual is 0, which would save its pixel's derivatives
+    cornell = wt.load_scene(HERE.parent / "scenes" / "cornell.toml")
+    options = {"resolution": (256, 256), "max_depth": 5}
+    # No residual is 0: a pixel without one needs no derivatives
     target = wt.render(cornell, **options) * 0.9 + 0.03
-    optimiser = dr.opt.Adam(
-        1e-6,
-        params=cornell.parameters(
-            "spheres.ball.center", "spheres.ball.radius", "materials.glass.ior"
-        ),
-    )
+    names = "spheres.ball.center", "spheres.ball.radius", "materials.glass.ior"
+    optimiser = dr.opt.Adam(1e-6, params=cornell.parameters(*names))
 
     def step():
         image = wt.render(cornell.replace(optimiser), **options)
@@ -112,48 +111,35 @@ def steps_of_a_fit(count: int = 200) -> None:
         optimiser.step()
         return dict(optimiser)
 
-    times = [clock(step) for _ in range(count)]
-    label = f"step of a fit, Cornell box, 256 x 256, depth 5: {statistics.median(times[5:]):.2f} ms"
+    times = [milliseconds(step) for _ in range(count)]
+    median = statistics.median(times[FIRST:])
+    label = f"step of a fit, Cornell box, 256 x 256, depth 5: {median:.2f} ms"
     print(f"{label}   (fastest {min(times):.2f}, first, which compiles, {times[0]:.0f})")
-
-
-def clock(call) -> float:
-    """Milliseconds of a call, with all its kernels."""
-    import drjit as dr
-
-    dr.sync_thread()
-    start = time.perf_counter()
-    dr.eval(call())
-    dr.sync_thread()
-    return (time.perf_counter() - start) * 1e3
 
 
 def starts() -> None:
     """Seconds from the start of a process to its first image and first gradient."""
     with tempfile.TemporaryDirectory() as cache:
+        environment = {**os.environ, "DRJIT_CACHE_DIR": cache}
         for name in ("cold", "warm"):
-            command = [
-                sys.executable,
-                "-c",
-                COLD,
-                str(time.time()),
-                str(HERE / "yardstick.toml"),
-                *NAMES,
-            ]
-            environment = {**os.environ, "DRJIT_CACHE_DIR": cache}
-            image, gradient = subprocess.run(
-                command, env=environment, check=True, capture_output=True, text=True
-            ).stdout.split()
-            print(
-                f"{name} cache: first image after {float(image):.2f} s, first gradient after {float(gradient):.2f} s"
-            )
+            arguments = [str(time.time()), str(HERE / "yardstick.toml"), *NAMES]
+            printed = subprocess.run(
+                [sys.executable, "-c", START, *arguments],
+                env=environment,
+                check=True,
+                capture_output=True,
+                text=True,
+            ).stdout
+            image, gradient = map(float, printed.split())
+            told = f"first image after {image:.2f} s, first gradient after {gradient:.2f} s"
+            print(f"{name} cache: {told}")
 
 
 def scaling() -> None:
-    """Time against pixels, spheres and lights; compile time by an empty cache's kernel history."""
+    """Time against pixels, spheres and lights, and the compile time of each first call."""
     import whitted as wt
     from scenes import box
-    from whitted import timing
+    from whitted.measure.timing import recorded
 
     def load(text: str):
         with tempfile.TemporaryDirectory() as folder:
@@ -162,10 +148,10 @@ def scaling() -> None:
             return wt.load_scene(path)
 
     def measure(label: str, scene, per: float, **options) -> None:
-        with timing.recorded() as first:
+        with recorded() as first:
             wt.render(scene, boundary=False, **options)
         warm = statistics.median(
-            clock(lambda: wt.render(scene, boundary=False, **options)) for _ in range(9)
+            milliseconds(lambda: wt.render(scene, boundary=False, **options)) for _ in range(9)
         )
         print(f"{label:12}{warm:10.2f} ms {warm / per:12.3f} {first.compile_seconds:10.2f} s")
 
@@ -180,9 +166,9 @@ def scaling() -> None:
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
-        # Compile times are of an empty cache
+        # An empty cache, so that compile times are of compiling and not of loading
         os.environ["DRJIT_CACHE_DIR"] = folder
-        # Before this process has threads of its own
+        # First of all, before this process has threads of its own
         starts()
         against_yardstick()
         steps_of_a_fit()

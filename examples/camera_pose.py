@@ -1,7 +1,7 @@
 """Where a camera was and where it looked, from a picture of a known scene.
 
-How far away the point is that it looked at cannot be told: its error bar says so, and the direction
-is what counts.
+A picture cannot tell how far away the point is that the camera looked at. The error bar says so.
+What counts is the direction.
 """
 
 import numpy as np
@@ -16,7 +16,6 @@ if __name__ == "__main__":
     ours, theirs = recover("Camera", truth, start, asked.size, asked.output)
     for name, scene in (("ours", ours.scene), ("plain AD", theirs.scene)):
         ahead = [np.diff(numbers(s, start).reshape(2, 3), axis=0).ravel() for s in (truth, scene)]
-        sine = np.linalg.norm(np.cross(*ahead)) / np.prod(
-            [np.linalg.norm(vector) for vector in ahead]
-        )
+        lengths = [np.linalg.norm(vector) for vector in ahead]
+        sine = np.linalg.norm(np.cross(*ahead)) / np.prod(lengths)
         print(f"{name}: direction off by {np.degrees(np.arcsin(sine)):.1e} degrees")

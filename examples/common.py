@@ -1,5 +1,6 @@
-"""What all examples share: arguments, and a fit with our gradients beside one with plain automatic
-differentiation.
+"""What examples share: arguments, and a fit with our gradients beside one with plain AD.
+
+Plain AD (automatic differentiation) is that of samples alone, without what moving edges add.
 """
 
 import argparse
@@ -35,14 +36,22 @@ def recover(
     plain: bool = True,
     **options,
 ):
-    """Fit from a start, print what was true, where it began and what was found, and write pictures.
+    """Fit a scene's parameters, print what was found, and write pictures.
 
-    Plain differentiation gets the same number of iterations at each resolution, and stops where it
-    finds no better step.
+    The table has the true numbers, those at the start, ours with one standard deviation, and those
+    of plain AD. The latter may take as many iterations at each resolution as ours.
+
+    Args:
+        title: of the table; the pictures are named after it.
+        start: the parameters to recover, with the numbers that the fit starts from.
+        target: the picture to match, if it is not one of `truth`.
+        plain: whether to fit with plain AD as well.
+        options: of `whitted.fit`.
 
     Returns:
-        Our result, and that of plain differentiation.
+        Our result, and that of plain AD or None.
     """
+    folder.mkdir(parents=True, exist_ok=True)
     resolution = (size, size)
     target = wt.render(truth, 16, resolution=resolution) if target is None else target
     scene = truth.replace(start)
@@ -50,21 +59,18 @@ def recover(
     theirs = None
     if plain:
         with warnings.catch_warnings():
-            # That it sees no dependence is what the table shows
+            # It warns where it sees no dependence; the table shows that
             warnings.simplefilter("ignore")
             theirs = wt.fit(
                 scene, target, wrt=list(start), resolution=resolution, boundary=False, **options
             )
     print(f"\n{title}\n{'':28}{'true':>11}{'start':>11}{'found':>12}{'+-':>10}{'plain AD':>12}")
-    right, began = (
-        numbers(truth, start),
-        np.concatenate([np.ravel(value) for value in start.values()]),
-    )
-    other = numbers(theirs.scene, start) if theirs else np.full(len(right), np.nan)
-    for (label, value, deviation), a, b, c in zip(ours.numbers(), right, began, other, strict=True):
+    true = numbers(truth, start)
+    began = np.concatenate([np.ravel(value) for value in start.values()])
+    other = numbers(theirs.scene, start) if theirs else np.full(len(true), np.nan)
+    for (label, value, deviation), a, b, c in zip(ours.numbers(), true, began, other, strict=True):
         print(f"{label:28}{a:11.5f}{b:11.5f}{value:12.6f}{deviation:10.1e}{c:12.6f}")
     print(f"{len(ours.history)} iterations, {ours.stopped}")
-    folder.mkdir(exist_ok=True)
     name = title.replace(" ", "-").lower()
     wt.write_image(folder / f"{name}-target.png", target)
     wt.write_image(folder / f"{name}-start.png", wt.render(scene, 4, resolution=resolution))
@@ -73,5 +79,5 @@ def recover(
 
 
 def numbers(scene: wt.Scene, names) -> np.ndarray:
-    """The numbers of some parameters, one after the other."""
+    """The numbers of some parameters, in their order."""
     return np.concatenate([value.numpy().ravel() for value in scene.parameters(*names).values()])

@@ -1,4 +1,4 @@
-"""Position and radius of a glass ball, from half a radius away."""
+"""The position and the radius of a glass ball, from a start that is half a radius away."""
 
 from common import SCENES, arguments, recover
 

@@ -1,4 +1,4 @@
-"""The index of refraction of a glass ball, from one picture and from far off on either side."""
+"""The index of refraction of a glass ball, from starts far below and far above it."""
 
 from common import SCENES, arguments, recover
 
@@ -8,8 +8,7 @@ if __name__ == "__main__":
     asked = arguments(__doc__)
     truth = wt.load_scene(SCENES / "cornell.toml")
     for start in (1.2, 1.9):
-        # Other indices than the true one make pictures that none near them betters, hence several
-        # starts
+        # The loss has local minima at wrong indices, hence several starts
         bounds = {"materials.glass.ior": (1.05, 2.2)}
         recover(
             f"Index of glass from {start}",

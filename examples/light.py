@@ -1,4 +1,4 @@
-"""The position of a light, from shadows and highlights."""
+"""The position of a light, from its shadows and highlights."""
 
 from common import SCENES, arguments, recover
 

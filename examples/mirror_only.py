@@ -1,4 +1,4 @@
-"""A matte ball that is not in the picture: the camera sees it only in a mirror ball."""
+"""The position of a matte ball that the camera sees only in a mirror ball."""
 
 from common import HERE, arguments, recover
 

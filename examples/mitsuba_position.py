@@ -1,9 +1,9 @@
-"""The matte ball's position by Mitsuba 3's own gradients, `prb` and `prb_projective`, beside ours;
-needs the extra `mitsuba`.
+"""The position of a matte ball, by our gradients and by those of Mitsuba 3.
 
-All start at the same place, and take as many steps of Adam at the same rate; Mitsuba's target is
-its own picture. The last takes minutes, and would take hours with its guiding of samples towards
-edges.
+Needs the extra `mitsuba`. Mitsuba's gradients are those of `prb` and of `prb_projective`. All start
+at the same place, and take the same number of steps of Adam at the same rate. Mitsuba's target is
+its own picture. `prb_projective` takes minutes; with its guiding of samples towards edges it would
+take hours.
 """
 
 import drjit as dr
@@ -18,7 +18,7 @@ STEPS, RATE = 60, 0.01
 
 
 def theirs(size: int, integrator: str) -> np.ndarray:
-    """Where Mitsuba's gradients lead."""
+    """The position that Mitsuba's gradients lead to."""
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")
@@ -43,7 +43,7 @@ def theirs(size: int, integrator: str) -> np.ndarray:
 
 
 def ours(size: int) -> np.ndarray:
-    """Where ours do, at one sample a pixel."""
+    """The position that our gradients lead to, at one sample a pixel."""
     scene, resolution = wt.load_scene(HERE / "foreign.toml"), (size, size)
     target = wt.render(scene, 16, resolution=resolution)
     optimiser = dr.opt.Adam(RATE, params=scene.parameters("spheres.matte.center"))
@@ -57,12 +57,9 @@ def ours(size: int) -> np.ndarray:
 
 if __name__ == "__main__":
     asked = arguments(__doc__)
-    print(
-        f"{'':16}{'x':>9}{'y':>9}{'z':>9}   distance to the truth; at the start {np.linalg.norm(START - TRUE):.4f}"
-    )
+    away = f"distance to the truth; at the start {np.linalg.norm(START - TRUE):.4f}"
+    print(f"{'':16}{'x':>9}{'y':>9}{'z':>9}   {away}")
     for name in ("ours", "prb", "prb_projective"):
         place = ours(asked.size) if name == "ours" else theirs(asked.size, name)
-        print(
-            f"{name:16}{place[0]:9.4f}{place[1]:9.4f}{place[2]:9.4f}   {np.linalg.norm(place - TRUE):.4f}",
-            flush=True,
-        )
+        numbers = "".join(f"{number:9.4f}" for number in place)
+        print(f"{name:16}{numbers}   {np.linalg.norm(place - TRUE):.4f}", flush=True)

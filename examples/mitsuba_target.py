@@ -1,11 +1,12 @@
-"""A picture that another renderer made: position of a matte ball, and index of a glass ball, from
-Mitsuba 3's pictures.
+"""The position of a matte ball and the index of a glass ball, from Mitsuba 3's pictures.
 
-Needs the extra `mitsuba`. What differs, and what is done about it: - Mitsuba's point light falls
-off with the squared distance: `falloff = "inverse-square"`. - Its matte surfaces reflect albedo /
-pi, and exposures differ: `gain=True` fits the brightness of each channel. - Its paths go on between
-matte surfaces, which lights shadows a little: `ambient` is fitted along. - Glass throws a full
-shadow in both, as a point light is not seen through an ideal surface by either.
+Needs the extra `mitsuba`. What differs between the renderers, and what is done about it:
+
+- Mitsuba's point light falls off with the squared distance: `falloff = "inverse-square"`.
+- Its matte surfaces reflect albedo / pi: `gain=True` fits the brightness of each channel.
+- Its paths go on between matte surfaces, which lights shadows a little: `ambient` is fitted too.
+
+Glass throws a full shadow in both: neither sees a point light through an ideal surface.
 """
 
 import math
@@ -19,7 +20,7 @@ FLOOR, BALL = [0.5, 0.5, 0.45], [0.7, 0.2, 0.15]
 
 
 def description(size: int, glass: bool) -> dict:
-    """Mitsuba's scene like that of foreign.toml, or of foreign_glass.toml."""
+    """The scene of foreign.toml, or of foreign_glass.toml, as Mitsuba describes it."""
     import mitsuba as mi
 
     look = mi.ScalarTransform4f().look_at(origin=[0, 1.5, 5], target=[0, 0, 0], up=[0, 1, 0])
@@ -57,7 +58,7 @@ def description(size: int, glass: bool) -> dict:
 
 
 def picture(size: int, glass: bool) -> np.ndarray:
-    """Mitsuba's picture of it."""
+    """Mitsuba's picture of that scene."""
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")

@@ -1,6 +1,4 @@
-"""Where a fit fails: a start from which the loss has no slope towards the target, and what several
-starts do about it.
-"""
+"""A fit that fails, as the loss has no slope towards the target, and how several starts help."""
 
 from common import HERE, arguments, recover
 
@@ -11,7 +9,7 @@ if __name__ == "__main__":
     truth = wt.load_scene(HERE / "no_slope.toml")
     start = {"spheres.ball.center": [-1.2, -0.9, 0.0]}
     bounds = {"spheres.ball.center": (-2.0, 2.0)}
-    # The ball and its target do not overlap: moving it a little changes nothing of that
+    # The ball and its target do not overlap, and do not where it moves a little
     recover(
         "No overlap, one start",
         truth,
@@ -22,7 +20,7 @@ if __name__ == "__main__":
         levels=1,
         plain=False,
     )
-    # In a coarse picture pixels are wide, but not as wide as the gap
+    # In a coarse picture pixels are wide, but less wide than the gap
     recover(
         "No overlap, coarse to fine",
         truth,

@@ -1,4 +1,4 @@
-"""A glass ball in noisy pictures: do the error bars cover the truth?"""
+"""A glass ball in noisy pictures: do the error bars cover the true numbers?"""
 
 import numpy as np
 from common import SCENES, arguments, numbers, recover

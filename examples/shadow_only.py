@@ -1,4 +1,4 @@
-"""A ball outside the view, from its shadow alone."""
+"""The position of a ball that is outside of the picture, from its shadow."""
 
 from common import HERE, arguments, recover
 

@@ -1,4 +1,4 @@
-"""A loss in PyTorch, its optimiser, and our gradients; needs the extra `torch`."""
+"""The index of a glass ball, by a loss and an optimiser of PyTorch; needs the extra `torch`."""
 
 import torch
 from common import SCENES, arguments
@@ -7,7 +7,7 @@ import whitted as wt
 
 if __name__ == "__main__":
     asked = arguments(__doc__)
-    asked.output.mkdir(exist_ok=True)
+    asked.output.mkdir(parents=True, exist_ok=True)
     size = (asked.size, asked.size)
     scene = wt.load_scene(SCENES / "cornell.toml")
     target = torch.from_numpy(wt.render(scene, 4, resolution=size).numpy().copy())
@@ -16,7 +16,7 @@ if __name__ == "__main__":
     for iteration in range(60):
         optimiser.zero_grad()
         image = wt.torch_render(scene, {"materials.glass.ior": index}, spp=1, resolution=size)
-        # Of logarithms, which weigh dark pixels like bright ones
+        # Of logarithms, so that dark pixels weigh as much as bright ones
         loss = torch.nn.functional.mse_loss(torch.log1p(8 * image), torch.log1p(8 * target))
         loss.backward()
         optimiser.step()

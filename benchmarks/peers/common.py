@@ -1,5 +1,6 @@
-"""What peers share: the scene, and a loop that answers run.py, so that peers stay in processes of
-their own and take turns.
+"""What peers share: the scene, and a loop that answers run.py.
+
+Each peer stays in a process of its own, so that peers can take turns.
 """
 
 import json
@@ -8,7 +9,10 @@ import sys
 import time
 from pathlib import Path
 
-import tomllib
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 HERE = Path(__file__).parent
 SCENE = HERE.parent / "yardstick.toml"
@@ -22,21 +26,21 @@ NAMES = [
     "lights.light0.intensity",
     "camera.position",
 ]
-# Numbers among the 24 whose derivative of the summed image is compared
+# Which of the 24 numbers the derivatives of the summed image are compared by
 PROBES = {"sphere x": 8, "mirror x": 0, "index": 13}
 
 
-class Missing(Exception):
+class MissingError(Exception):
     """A peer is not installed."""
 
 
 def scene() -> dict:
-    """The scene file."""
+    """What the scene file says."""
     return tomllib.loads(SCENE.read_text())
 
 
 def values() -> dict[str, list[float]]:
-    """The 12 parameters' values by name, the scalars as lists of one."""
+    """The 12 parameters by name, each a list of one or three numbers."""
     loaded = scene()
     found = {}
     for k, sphere in enumerate(loaded["spheres"]):
@@ -54,7 +58,7 @@ def values() -> dict[str, list[float]]:
 
 
 def flat(gradients: dict) -> list[float]:
-    """The 24 numbers of a gradient by name."""
+    """The 24 numbers of a gradient that is given by parameter."""
     import numpy as np
 
     return [float(v) for name in NAMES for v in np.ravel(np.array(gradients[name]))]
@@ -62,24 +66,24 @@ def flat(gradients: dict) -> list[float]:
 
 def memory() -> float:
     """The largest resident memory of this process so far, in MB."""
-    # Not ru_maxrss, in which a child starts with its parent's
+    # `ru_maxrss` would not do: a child's begins with its parent's
     lines = Path("/proc/self/status").read_text().splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
 
 
 class Peer:
-    """What a peer may do; what it cannot stays None."""
+    """What a peer can do. What it cannot do stays None."""
 
     image = None  # the picture
-    gradient = None  # of the mean of squares by the 24 numbers, one value each
-    sums = None  # derivatives of the summed image by name of PROBES
-    milliseconds = None  # of the last call by the peer's own clock, if it has one
-    megabytes = None  # likewise
-    compiled = None  # seconds, if not in the first call
+    gradient = None  # the derivatives of the image's mean square by the 24 numbers
+    sums = None  # derivatives of the summed image, by name of PROBES
+    milliseconds = None  # of the last call, where the peer takes the time itself
+    megabytes = None  # of the last call, where the peer runs another process
+    compiled = None  # seconds of compilation, where it is not part of the first call
 
 
 def answer(peer: Peer, request: dict) -> dict:
-    """Does one call, timed."""
+    """Do one call, and take its time."""
     import numpy as np
 
     call = getattr(peer, request["call"])
@@ -101,14 +105,18 @@ def answer(peer: Peer, request: dict) -> dict:
 
 
 def serve(make) -> None:
-    """Answers requests on stdin, a line of JSON each, with lines on stdout."""
-    # What libraries print, by any way, must not mix with answers
+    """Answer requests from stdin, each a line of JSON, with such lines on stdout.
+
+    Args:
+        make: makes the peer.
+    """
+    # What libraries print must not mix with answers, even if they do not print through Python
     out = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     try:
         peer = make()
         print(json.dumps({"ready": True}), file=out, flush=True)
-    except (ImportError, Missing) as error:
+    except (ImportError, MissingError) as error:
         print(json.dumps({"missing": str(error)}), file=out, flush=True)
         return
     for line in sys.stdin:

@@ -1,4 +1,4 @@
-"""tracer.cpp, compiled with -O3 -march=native, in two threads; gradients by forward mode."""
+"""C++: tracer.cpp with -O3 -march=native in two threads, gradients in forward mode."""
 
 import shutil
 import subprocess
@@ -10,12 +10,12 @@ import common
 
 
 class Cpp(common.Peer):
-    """Runs the program and reads what it printed."""
+    """The image and its gradient, by a program that prints them."""
 
     def __init__(self) -> None:
         compiler = shutil.which("g++")
         if compiler is None:
-            raise common.Missing("g++ is not installed")
+            raise common.MissingError("g++ is not installed")
         self.folder = tempfile.TemporaryDirectory()
         self.program = Path(self.folder.name) / "tracer"
         flags = ["-std=c++17", "-O3", "-march=native", "-pthread"]
@@ -26,7 +26,7 @@ class Cpp(common.Peer):
         self.compiled = time.perf_counter() - start
 
     def run(self, what: str) -> tuple[dict[str, list[str]], bytes]:
-        """The printed lines by their first word, and the picture."""
+        """What the program printed, by the first word of each line, and its picture."""
         picture = Path(self.folder.name) / "picture"
         printed = subprocess.run(
             [self.program, what, picture], check=True, capture_output=True, text=True

@@ -1,10 +1,12 @@
-"""JAX (jit, grad) on the processor: generations of rays, each packed into arrays of a fixed size.
+"""JAX (jit, grad) on the processor: generations of rays, packed into arrays of fixed sizes.
 
-The direct port, a tree of 31 nodes for each pixel, compiles for minutes and runs for seconds. Here
-the children that go on are packed densely, into as many slots as this scene needs. Each generation
-is a call of its own: within one call the compiler computed hits and shadows anew for each of their
-uses, and was slower, as were tiles of the image in a loop (`lax.map`) with generations in another
-(`lax.scan`): 118 ms for the image and 457 for the gradient, where this took 96 and 278.
+Rays that go on are packed densely, into as many slots as this scene needs. Each generation is a
+call of its own. What was tried and is slower:
+
+- a tree of 31 nodes for each pixel: it compiled for minutes and ran for seconds;
+- all generations in one call: hits and shadows were computed anew wherever they are used;
+- tiles of the image in a loop (`lax.map`) with generations in another (`lax.scan`): 118 ms for the
+  image and 457 ms for the gradient, where this took 96 and 278.
 """
 
 from functools import partial
@@ -14,12 +16,12 @@ import numpy as np
 import wavefront as w
 
 PIXELS = w.SIZE * w.SIZE
-# Slots of each generation of children; this scene needs 33163, 22892, 22635 and 22566
+# Slots of each generation after the first; this scene needs 33163, 22892, 22635 and 22566
 SLOTS = (34816, 24576, 24576, 24576)
 
 
 class Jax(common.Peer):
-    """The image and its gradient, whole calls."""
+    """The image and its gradient."""
 
     def __init__(self) -> None:
         import jax
@@ -61,10 +63,8 @@ class Jax(common.Peer):
                     weight, place, *rays = pack(slots, weight, place, index, p, children)
             return total
 
-        mean_square, total = (
-            jax.jit(lambda image: (image**2).mean()),
-            jax.jit(lambda image: image.sum()),
-        )
+        mean_square = jax.jit(lambda image: (image**2).mean())
+        total = jax.jit(lambda image: image.sum())
         self.calls = {
             "image": image,
             "gradient": jax.grad(lambda parameters: mean_square(image(parameters))),
@@ -72,7 +72,7 @@ class Jax(common.Peer):
         }
 
     def call(self, name: str) -> np.ndarray:
-        """A call, with one parameter a little different each time."""
+        """Make a call, with one parameter a little moved each time."""
         self.step += 1
         parameters = self.parameters.copy()
         parameters[0] += 1e-6 * self.step

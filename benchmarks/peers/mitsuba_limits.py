@@ -1,9 +1,10 @@
-"""What Mitsuba 3 says of the parameters of a scene like the yardstick's: python
-benchmarks/peers/mitsuba_limits.py
+"""What Mitsuba 3 can differentiate by, in a scene like the yardstick's.
 
-Prints a line for each that is asked for: whether it can be differentiated, by Mitsuba's own flags,
-and whether moving edges are accounted for. Then the derivative of an ideal mirror's picture by the
-place of a matte sphere that only the mirror shows.
+    python benchmarks/peers/mitsuba_limits.py
+
+Prints JSON: for each parameter that is asked for, Mitsuba's own flags, which tell whether it can be
+differentiated and whether it moves edges. Last comes the derivative of a picture by the radius of a
+ball that is seen in an ideal mirror only.
 """
 
 import json
@@ -18,7 +19,7 @@ ASKED = {
 
 
 def flags() -> dict[str, str]:
-    """Mitsuba's own word on each parameter."""
+    """What Mitsuba's flags say of each parameter."""
     import mitsuba as mi
     from mitsuba_paths import description
 
@@ -40,8 +41,10 @@ def flags() -> dict[str, str]:
 
 
 def mirrored(spp: int = 256) -> tuple[float, float]:
-    """d sum / d x of a matte sphere that is seen in an ideal mirror alone: by prb_projective, and
-    by differences.
+    """d sum / d radius of a ball that is seen in an ideal mirror only.
+
+    Returns:
+        The derivative by prb_projective, and by differences of its images.
     """
     import drjit as dr
     import mitsuba as mi
@@ -83,7 +86,11 @@ def mirrored(spp: int = 256) -> tuple[float, float]:
 if __name__ == "__main__":
     try:
         by_mitsuba, by_differences = mirrored()
-        edge = f"d sum = {by_mitsuba:.0f} by `prb_projective`, {by_differences:.0f} by differences of its images"
-        print(json.dumps({**flags(), "radius of a ball seen in an ideal mirror alone": edge}))
+        derivatives = (
+            f"d sum = {by_mitsuba:.0f} by `prb_projective`, "
+            f"{by_differences:.0f} by differences of its images"
+        )
+        found = {**flags(), "radius of a ball seen in an ideal mirror only": derivatives}
+        print(json.dumps(found))
     except ImportError as error:
         print(json.dumps({"missing": str(error)}))

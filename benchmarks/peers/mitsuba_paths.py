@@ -1,10 +1,9 @@
-"""Mitsuba 3 (LLVM) with its own integrators: mitsuba_paths.py path|prb|prb_projective, at 16
-samples a pixel, depth 5.
+"""Mitsuba 3 (LLVM) with its own integrators: mitsuba_paths.py path|prb|prb_projective
 
-Not the same work: paths go on between matte surfaces, by chance. The image is that of `path`; the
-gradient is of the mean of squares by the position of the matte sphere, which both of its methods
-can do. A smooth dielectric's index, the place of a point light and the camera they cannot:
-`mitsuba_limits.py` lets Mitsuba say so.
+This is not the same work: paths are random, and go on between matte surfaces. There are 16 samples
+a pixel, at depth 5. The image is that of `path`. The gradients of `prb` and `prb_projective` are of
+the mean of squares by the position of the matte sphere. They cannot differentiate by the index of a
+smooth dielectric, the position of a point light or the camera: see `mitsuba_limits.py`.
 """
 
 import sys
@@ -12,13 +11,13 @@ import sys
 import common
 import numpy as np
 
-SIZE, SPP, STEP = 512, 16, 0.02
-# Samples of the differences that the derivatives are compared with
-MANY = 64
+SIZE, SPP = 512, 16
+# The step, and the samples a pixel, of the differences that the derivatives are compared with
+STEP, MANY = 0.02, 64
 
 
 def description(integrator: str) -> dict:
-    """The scene in Mitsuba's terms, with its own materials nearest to ours."""
+    """The scene as Mitsuba describes it, with those of its materials that are nearest to ours."""
     import mitsuba as mi
 
     loaded = common.scene()
@@ -27,7 +26,7 @@ def description(integrator: str) -> dict:
         origin=camera["position"], target=camera["look_at"], up=[0, 1, 0]
     )
     film = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"}}
-    # With its guiding, a gradient of this scene by prb_projective took more than two minutes
+    # With guiding, a gradient of this scene by prb_projective took more than two minutes
     guiding = {"guiding": "none"} if integrator == "prb_projective" else {}
     scene = {
         "type": "scene",
@@ -71,7 +70,7 @@ def matte(loaded: dict, shape: dict) -> dict:
 
 
 class Mitsuba(common.Peer):
-    """Its image, or its gradient by the matte sphere's place."""
+    """The image, or the gradient by the matte sphere's position."""
 
     def __init__(self, integrator: str) -> None:
         import drjit as dr
@@ -87,9 +86,7 @@ class Mitsuba(common.Peer):
             self.image = None
 
     def picture(self, place, spp: int):
-        """The image with the matte sphere at a place; each call has noise of its own, unless `seed`
-        is kept.
-        """
+        """The image with the matte sphere at a place. Its noise is that of `self.seed`."""
         mi = self.mi
         self.parameters["s2.to_world"] = mi.AffineTransform4f().translate(place).scale(0.2)
         self.parameters.update()
@@ -115,8 +112,10 @@ class Mitsuba(common.Peer):
         return [float(v) for v in np.ravel(dr.grad(place).numpy())]
 
     def sums(self) -> dict[str, float]:
-        """Of the summed image by the sphere's x: two estimates, and a central difference of
-        Mitsuba's own images.
+        """The derivative of the summed image by the sphere's x.
+
+        Given are the mean and the spread of two estimates, and a central difference of Mitsuba's
+        own images.
         """
         found = [self.gradient(lambda image: self.dr.sum(image, axis=None))[0] for _ in range(2)]
         upper, lower = (

@@ -1,9 +1,8 @@
-"""Mitsuba 3 (LLVM) doing the same work: an integrator in its Python interface that follows both
-children of a ray.
+"""Mitsuba 3 (LLVM) doing the same work, by an integrator in its Python interface.
 
-The shapes are Mitsuba's, and its ray tracing finds hits and shadows; materials, which it has no
-plugin for, are tables. Rays are traced generation by generation, each child's packed densely: in
-one kernel, the unrolled tree compiled for minutes.
+The integrator follows both the reflected and the refracted ray. Shapes, hits and shadows are
+Mitsuba's. Materials are tables, as Mitsuba has no plugin for them. Rays are traced a generation at
+a time and packed densely: with an unrolled tree, one kernel compiled for minutes.
 """
 
 import math
@@ -11,11 +10,13 @@ import math
 import common
 import numpy as np
 
-SIZE, DEPTH, FAR = 512, 5, 100
+SIZE, DEPTH = 512, 5
+# Half the side of the rectangles that stand for planes
+FAR = 100
 
 
 def load(mi, loaded: dict):
-    """The shapes: three spheres and five large rectangles."""
+    """Mitsuba's scene: three spheres and five large rectangles, without materials or lights."""
     scene = {"type": "scene"}
     for k, sphere in enumerate(loaded["spheres"]):
         place = mi.ScalarTransform4f().translate(sphere["center"]).scale(sphere["radius"])
@@ -30,7 +31,7 @@ def load(mi, loaded: dict):
 
 
 def integrator(mi, dr, loaded: dict):
-    """The integrator's class; Mitsuba has to be there before it can be derived from."""
+    """The integrator's class. It is made in a function, as its base is known only with Mitsuba."""
     shapes = [*loaded["spheres"], *loaded["planes"]]
     materials = [loaded["materials"][shape["material"]] for shape in shapes]
 
@@ -54,7 +55,7 @@ def integrator(mi, dr, loaded: dict):
             self.index = mi.UInt32(self.spread(order, range(len(shapes))))
 
         def spread(self, order: list[int], numbers) -> object:
-            """Numbers of the shapes, by their places in Mitsuba's registry."""
+            """Numbers of the shapes, in the order of Mitsuba's registry."""
             spread = np.zeros(max(order) + 1, np.float32)
             spread[order] = list(numbers)
             return mi.Float(spread)
@@ -65,7 +66,7 @@ def integrator(mi, dr, loaded: dict):
             )
 
         def lit(self, scene, si, n, d, shape):
-            """Light that a surface reflects."""
+            """The light that surfaces reflect diffusely and in highlights."""
             to = self.vector("lights.light0.position") - si.p
             light = dr.normalize(to)
             lambert, shine = dr.dot(n, light), dr.dot(n, dr.normalize(light - d))
@@ -82,7 +83,7 @@ def integrator(mi, dr, loaded: dict):
             )
 
         def trace(self, scene, o, d, weight, place, image, depth: int) -> None:
-            """Add what rays return to their pixels, then trace their children."""
+            """Add a generation's light to its pixels, then trace what it reflects and refracts."""
             si = scene.ray_intersect(
                 mi.Ray3f(mi.Point3f(o), d), mi.RayFlags.All, coherent=depth == 1
             )
@@ -130,7 +131,7 @@ def integrator(mi, dr, loaded: dict):
 
 
 class Mitsuba(common.Peer):
-    """The image by rays through the pixels' centres, and gradients by plain AD."""
+    """The image, of one ray through each pixel's centre, and its gradient by plain AD."""
 
     def __init__(self) -> None:
         import drjit as dr
@@ -144,7 +145,7 @@ class Mitsuba(common.Peer):
         self.type = integrator(mi, dr, loaded)
 
     def changed(self) -> dict:
-        """The parameters, one a little different each time."""
+        """The parameters, one of them a little moved each time."""
         self.step += 1
         values = {name: self.mi.Float(numbers) for name, numbers in common.values().items()}
         values["spheres.sphere0.center"] += 1e-6 * self.step
@@ -152,8 +153,9 @@ class Mitsuba(common.Peer):
         return values
 
     def ray(self, camera):
-        """Rays through the pixels' centres, 4 x 4 blocks of which are neighbours in memory:
-        directions, pixels.
+        """Directions of the rays through the pixels' centres, and their pixels.
+
+        Blocks of 4 x 4 pixels are neighbours in memory.
         """
         dr, mi = self.dr, self.mi
         i = dr.arange(mi.UInt32, SIZE * SIZE)
@@ -170,7 +172,7 @@ class Mitsuba(common.Peer):
         return dr.normalize(forward + u * right + v * up), y * SIZE + x
 
     def render(self, values: dict):
-        """The image, flat."""
+        """The image as a flat array."""
         dr, mi = self.dr, self.mi
         for k in range(3):
             center, radius = (

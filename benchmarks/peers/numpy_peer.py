@@ -1,4 +1,4 @@
-"""NumPy: whole generations of rays, and of each child those that go on. It has no derivatives."""
+"""NumPy: a generation of rays at a time, without derivatives."""
 
 import common
 import numpy as np
@@ -12,7 +12,7 @@ class NumPy(common.Peer):
         self.tables, self.parameters, self.step = w.Tables(), w.flat_parameters(), 0
 
     def trace(self, image, parameters, o, d, weight, place, source, inward, depth: int) -> None:
-        """Add a generation's light to the image, then trace both children."""
+        """Add a generation's light to the image, then trace what is reflected and refracted."""
         radiance, *children, p, index = w.shade(np, self.tables, parameters, o, d, source, inward)
         for c in range(3):
             image[c] += np.bincount(place, weight * radiance[c], w.SIZE * w.SIZE)

@@ -1,4 +1,4 @@
-"""This project, without edges or with: ours.py plain|boundary."""
+"""This project, without edges or with them: ours.py plain|boundary"""
 
 import sys
 
@@ -6,7 +6,7 @@ import common
 
 
 class Ours(common.Peer):
-    """The image and its gradient, whole calls."""
+    """The image and its gradient, by calls as users make them."""
 
     def __init__(self, boundary: bool) -> None:
         import drjit as dr
@@ -17,7 +17,7 @@ class Ours(common.Peer):
         self.scene = wt.load_scene(common.SCENE)
 
     def changed(self) -> dict:
-        """The parameters, one a little different each time."""
+        """The parameters, one of them a little moved, as in an optimisation."""
         parameters = self.scene.parameters(*common.NAMES)
         parameters["spheres.sphere0.center"] += 1e-6
         self.dr.eval(parameters)

@@ -18,26 +18,29 @@ def vector(v: list[float]) -> str:
 def texture(material: dict) -> str:
     """A material as a texture and an interior."""
     color = [*material.get("color", [0, 0, 0]), 0, material.get("refraction", 0)]
-    # Its highlight of roughness r is Blinn's with the exponent 1 / r
+    # A highlight of roughness r is Blinn's with the exponent 1 / r
     shine = f"specular {material.get('specular', 0)} roughness {1 / material.get('shininess', 50)}"
     finish = f"ambient 0 diffuse 1 {shine} reflection {material.get('reflection', 0)}"
-    # Clear glass filters nothing, so that its pigment is black with the weight left for what shines
-    # through
+    # The pigment of glass is black, and lets what is behind it through unfiltered, by its weight
     glass = f" interior {{ ior {material.get('ior', 1.5)} }}" if color[4] else ""
     return f"texture {{ pigment {{ color rgbft {vector(color)} }} finish {{ {finish} }} }}{glass}"
 
 
 def export(scene: dict) -> str:
-    """The scene in POV-Ray's language, whose x axis is turned as it is left-handed."""
+    """The scene in POV-Ray's language.
+
+    The x axis is turned around, as POV-Ray's coordinates are left-handed.
+    """
     camera, light = scene["camera"], scene["lights"][0]
-    view = f"location {vector(camera['position'])} right <-1, 0, 0> up <0, 1, 0> direction <0, 0, 1> angle {camera['fov']}"
+    axes = "right <-1, 0, 0> up <0, 1, 0> direction <0, 0, 1>"
+    place, target = vector(camera["position"]), vector(camera["look_at"])
+    view = f"location {place} {axes} angle {camera['fov']} look_at {target}"
+    shines = f"{vector(light['position'])} color rgb {vector(light['intensity'])}"
     lines = [
         "#version 3.7;",
         f"global_settings {{ assumed_gamma 1 max_trace_level {scene['max_depth']} adc_bailout 0 }}",
-    ]
-    lines += [f"camera {{ perspective {view} look_at {vector(camera['look_at'])} }}"]
-    lines += [
-        f"light_source {{ {vector(light['position'])} color rgb {vector(light['intensity'])} }}"
+        f"camera {{ perspective {view} }}",
+        f"light_source {{ {shines} }}",
     ]
     for sphere in scene["spheres"]:
         material = texture(scene["materials"][sphere["material"]])
@@ -49,22 +52,21 @@ def export(scene: dict) -> str:
 
 
 def read(path: Path):
-    """The picture of a 16-bit PPM file, linear."""
+    """The picture of a PPM file with linear numbers of 16 bits."""
     import numpy as np
 
-    # Its header has comments
-    return (
-        np.frombuffer(path.read_bytes()[-6 * SIZE * SIZE :], ">u2").reshape(SIZE, SIZE, 3) / 65535
-    )
+    # Counted from the end, as the header's length varies: it has comments
+    pixels = np.frombuffer(path.read_bytes()[-6 * SIZE * SIZE :], ">u2")
+    return pixels.reshape(SIZE, SIZE, 3) / 65535
 
 
 class Pov(common.Peer):
-    """Runs the program and reads the trace time that it prints."""
+    """The image, and the trace time that the program prints."""
 
     def __init__(self) -> None:
         self.program = shutil.which("povray")
         if self.program is None:
-            raise common.Missing("povray is not installed")
+            raise common.MissingError("povray is not installed")
         self.folder = tempfile.TemporaryDirectory()
         self.compiled = 0.0
 

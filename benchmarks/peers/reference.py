@@ -1,9 +1,13 @@
-"""Derivatives of the summed image by central differences of converged images, in double."""
+"""Derivatives of the summed image, by central differences in double precision.
+
+Prints them as JSON, by name of common.PROBES.
+"""
 
 import json
 
 import common
 
+# Samples a pixel, and half the difference of the parameters
 SPP, STEP = 16, 1e-4
 
 
@@ -25,7 +29,7 @@ def total(name: str, component: int, change: float) -> float:
 
 
 def references() -> dict[str, float]:
-    """By name of common.PROBES."""
+    """The derivatives, by name of common.PROBES."""
     places = [(name, k) for name in common.NAMES for k in range(len(common.values()[name]))]
     probes = {probe: places[place] for probe, place in common.PROBES.items()}
     return {

@@ -1,9 +1,10 @@
-"""Other renderers beside this one, on the same scene in the same run: python
-benchmarks/peers/run.py [ROUNDS] [-o DIR]
+"""Measure other renderers beside this one, on the same scene in the same run.
 
-Each peer that is installed is a process of its own, with empty caches. Its first image and gradient
-are timed alone, for the compile time; then all take turns. Writes peers.md and peers.png (needs the
-`bench` extra) to docs, or to DIR.
+    python benchmarks/peers/run.py [ROUNDS] [-o DIR]
+
+Each peer that is installed runs in a process of its own, with an empty cache. Its first image and
+gradient are timed alone, for the compile time; then all take turns. Writes peers.md and peers.png
+to docs, or to DIR (needs the `bench` extra).
 """
 
 import argparse
@@ -16,9 +17,12 @@ import sys
 import tempfile
 from pathlib import Path
 
+from common import PROBES
+
 HERE = Path(__file__).parent
 OURS = "whitted, boundary=True"
 PLAIN = "whitted, boundary=False"
+# The script of each peer in this folder, and its argument
 PEERS = {
     PLAIN: ["ours.py", "plain"],
     OURS: ["ours.py", "boundary"],
@@ -32,19 +36,22 @@ PEERS = {
     "Mitsuba 3, prb_projective": ["mitsuba_paths.py", "prb_projective"],
 }
 NOTES = {
-    PLAIN: "edges of pixels and shadows as samples fall, derivatives of samples alone",
-    OURS: "derivatives right at edges",
+    PLAIN: "plain samples, and derivatives that miss what edges add",
+    OURS: "edges found, and derivatives that are right at them",
     "C++, scalar": "forward mode by dual numbers of 24 derivatives, two threads",
     "POV-Ray 3.7": "trace time that it prints, without parsing; no derivatives",
-    "JAX": "generations of rays packed into arrays of fixed size, `grad`",
+    "JAX": "generations of rays, packed into arrays of fixed sizes; `grad`",
     "NumPy": "generations of rays; no derivatives",
-    "Mitsuba 3, Whitted": "the same work in Mitsuba's Python interface: generations of rays, its shapes, plain AD",
-    "Mitsuba 3, path": "**other work**: 16 random paths a pixel, which light bounces between walls; its materials",
-    "Mitsuba 3, prb": "**other work**: the gradient of `path` by the place of one sphere, no edges",
-    "Mitsuba 3, prb_projective": "**other work**: likewise, with edges that it can see",
+    "Mitsuba 3, Whitted": "the same work in Mitsuba's Python interface: "
+    "generations of rays, its shapes, plain AD",
+    "Mitsuba 3, path": "**other work**: 16 random paths a pixel, which go on between walls; "
+    "Mitsuba's own materials",
+    "Mitsuba 3, prb": "**other work**: the gradient of `path` by the position of one sphere, "
+    "without edges",
+    "Mitsuba 3, prb_projective": "**other work**: the same with edges, as far as it can see them",
 }
-PROBES = ("sphere x", "mirror x", "index")
-# Peers whose calls take longer than so many milliseconds have so many turns
+TIMED = ("image", "gradient")
+# Calls that take more milliseconds than the first number are made as many times as the second
 SLOW, TURNS = 1000, 3
 
 
@@ -54,29 +61,29 @@ class Worker:
     def __init__(self, name: str, cache: str) -> None:
         environment = {**os.environ, "DRJIT_CACHE_DIR": str(Path(cache) / name.replace(" ", "_"))}
         command = [sys.executable, str(HERE / PEERS[name][0]), *PEERS[name][1:]]
-        self.name, self.times, self.first = name, {"image": [], "gradient": []}, {}
-        self.megabytes, self.picture, self.sums, self.compiled = (
-            {},
-            Path(cache) / f"{len(os.listdir(cache))}.npy",
-            {},
-            None,
-        )
+        self.name = name
+        self.times: dict[str, list[float]] = {call: [] for call in TIMED}
+        self.first: dict[str, float] = {}
+        self.megabytes: dict[str, float] = {}
+        self.sums: dict[str, float] = {}
+        self.cannot: set[str] = set()
+        self.compiled: float | None = None
+        self.picture = Path(cache) / f"{name.replace(' ', '_')}.npy"
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(
             command, env=environment, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL, text=True
         )
-        ready = self.read()
-        self.missing = ready.get("missing")
-        self.cannot = set()
+        self.missing = self.read().get("missing")
 
     def read(self) -> dict:
+        """The next answer, or why there is none."""
         line = self.process.stdout.readline()
         return (
             json.loads(line) if line else {"missing": f"stopped with status {self.process.wait()}"}
         )
 
     def ask(self, call: str, **more) -> dict:
-        """One call's answer."""
+        """The answer to a call; empty where the peer cannot make it."""
         if self.missing or call in self.cannot:
             return {}
         print(json.dumps({"call": call, **more}), file=self.process.stdin, flush=True)
@@ -88,20 +95,17 @@ class Worker:
         return reply
 
     def begin(self) -> None:
-        """The first calls, which compile."""
+        """Make the first calls, which compile."""
         for call in self.times:
             reply = self.ask(call)
             if reply:
-                self.first[call], self.megabytes[call], self.compiled = (
-                    reply["ms"],
-                    reply["megabytes"],
-                    reply["compiled"],
-                )
+                self.first[call], self.megabytes[call] = reply["ms"], reply["megabytes"]
+                self.compiled = reply["compiled"]
         self.ask("image", path=str(self.picture))
         self.sums = self.ask("sums").get("result", {})
 
     def turn(self) -> None:
-        """One round."""
+        """Make the calls of one round."""
         for call, times in self.times.items():
             enough = len(times) >= TURNS and statistics.median(times) > SLOW
             reply = {} if enough else self.ask(call)
@@ -109,14 +113,14 @@ class Worker:
                 times.append(reply["ms"])
                 self.megabytes[call] = max(self.megabytes[call], reply["megabytes"])
 
-    def seconds(self, call: str) -> float:
-        """What the first call took more than later ones, or the compiler did."""
+    def compile_seconds(self, call: str) -> float:
+        """How much longer the first call took than later ones, or how long a compiler took."""
         if self.compiled is not None:
             return self.compiled
         return max(0.0, self.first[call] - statistics.median(self.times[call])) / 1e3
 
     def row(self) -> dict:
-        """All that was measured."""
+        """All that was measured of the peer."""
         row = {"name": self.name, "sums": self.sums}
         for call, times in self.times.items():
             if times:
@@ -125,13 +129,16 @@ class Worker:
                     "fastest": min(times),
                     "megabytes": self.megabytes[call],
                 }
-                row[call] = numbers | {"compile": self.seconds(call)}
+                row[call] = numbers | {"compile": self.compile_seconds(call)}
         return row
 
 
-def unlike(picture: Path, ours: Path) -> dict:
-    """How a picture differs from ours: relative RMSE of all pixels, share of pixels off by 0.01,
-    and RMSE of the others.
+def difference(picture: Path, ours: Path) -> dict:
+    """How a picture differs from ours.
+
+    Returns:
+        The relative RMSE, the part of the pixels that are off by more than 0.01, and the relative
+        RMSE of the others; nothing if there is no picture.
     """
     import numpy as np
 
@@ -139,17 +146,19 @@ def unlike(picture: Path, ours: Path) -> dict:
         return {}
     a, b = np.load(picture), np.load(ours)
     off = abs(a - b).max(axis=2) > 0.01
+
+    def error(which) -> float:
+        return float(np.linalg.norm((a - b)[which]) / np.linalg.norm(b[which]))
+
     return {
-        "rmse": float(np.linalg.norm(a - b) / np.linalg.norm(b)),
+        "rmse": error(np.ones_like(off)),
         "off": float(off.mean()),
-        "rest": float(np.linalg.norm((a - b)[~off]) / np.linalg.norm(b[~off]))
-        if not off.all()
-        else float("nan"),
+        "rest": float("nan") if off.all() else error(~off),
     }
 
 
 def measure(rounds: int) -> tuple[list[dict], dict[str, str]]:
-    """Rows of the peers that are installed, and why the others are not here."""
+    """What was measured of each peer, and why peers are missing."""
     with tempfile.TemporaryDirectory() as cache:
         workers = []
         for name in PEERS:
@@ -165,7 +174,8 @@ def measure(rounds: int) -> tuple[list[dict], dict[str, str]]:
             worker.process.stdin.close()
             worker.process.wait()
             if not worker.missing:
-                rows.append(worker.row() | {"unlike": unlike(worker.picture, workers[0].picture)})
+                differs = difference(worker.picture, workers[0].picture)
+                rows.append(worker.row() | {"difference": differs})
         return rows, {worker.name: worker.missing for worker in workers if worker.missing}
 
 
@@ -176,32 +186,24 @@ def script(name: str) -> str:
     ).stdout
 
 
-def cells(row: dict, call: str, field: str, form: str) -> str:
+def cell(row: dict, call: str, field: str, form: str) -> str:
+    """A number of a call, or a dash where the peer cannot make the call."""
     return form.format(row[call][field]) if call in row else "-"
 
 
 def speed_table(rows: list[dict]) -> list[str]:
     """Times, compile times and memory."""
-    lines = [
-        "| | image, ms | fastest | gradient, ms | fastest | compile, s: image | gradient | memory, MB: image | gradient |"
-    ]
-    lines.append("|---|" + "---:|" * 8)
+    titles = ("image, ms", "fastest", "gradient, ms", "fastest", "compile, s: image", "gradient")
+    titles += ("memory, MB: image", "gradient")
+    lines = ["| | " + " | ".join(titles) + " |", "|---|" + "---:|" * len(titles)]
     for row in rows:
-        times = [
-            cells(row, call, field, "{:.1f}")
-            for call in ("image", "gradient")
-            for field in ("median", "fastest")
+        cells = [
+            cell(row, call, field, "{:.1f}") for call in TIMED for field in ("median", "fastest")
         ]
-        other = [
-            cells(row, c, f, "{:.1f}" if f == "compile" else "{:.0f}")
-            for f in ("compile", "megabytes")
-            for c in TIMED
-        ]
-        lines.append(f"| {row['name']} | " + " | ".join(times + other) + " |")
+        cells += [cell(row, call, "compile", "{:.1f}") for call in TIMED]
+        cells += [cell(row, call, "megabytes", "{:.0f}") for call in TIMED]
+        lines.append(f"| {row['name']} | " + " | ".join(cells) + " |")
     return lines
-
-
-TIMED = ("image", "gradient")
 
 
 def picture_table(rows: list[dict]) -> list[str]:
@@ -211,15 +213,15 @@ def picture_table(rows: list[dict]) -> list[str]:
         "|---|---:|---:|---:|",
     ]
     for row in rows:
-        if row["unlike"]:
-            u = row["unlike"]
-            numbers = f"{u['rmse']:.2g} | {100 * u['off']:.2f} % | {u['rest']:.2g}"
+        if row["difference"]:
+            found = row["difference"]
+            numbers = f"{found['rmse']:.2g} | {100 * found['off']:.2f} % | {found['rest']:.2g}"
             lines.append(f"| {row['name']} | {numbers} |")
     return lines
 
 
 def gradient_table(rows: list[dict], references: dict[str, float]) -> list[str]:
-    """Derivatives of the summed image, as fractions of central differences."""
+    """Derivatives of the summed image, and as parts of central differences."""
     lines = ["| d sum / d | " + " | ".join(PROBES) + " |", "|---|" + "---:|" * len(PROBES)]
     exact = " | ".join(f"{references[probe]:.0f}" for probe in PROBES)
     lines.append(f"| central differences, converged, double | {exact} |")
@@ -240,22 +242,20 @@ def gradient_table(rows: list[dict], references: dict[str, float]) -> list[str]:
 
 
 def limits_list(limits: dict[str, str]) -> list[str]:
-    """What Mitsuba says of parameters."""
+    """What Mitsuba says of parameters, or nothing without Mitsuba."""
     if "missing" in limits:
         return []
     lines = [
         "## What Mitsuba 3 cannot differentiate",
         "",
-        "By its own flags (`python benchmarks/peers/mitsuba_limits.py`);",
-    ]
-    lines += [
-        "`Discontinuous` means that edges move, which `prb_projective` follows where it sees them directly or in shadows.",
+        "By its own flags (`python benchmarks/peers/mitsuba_limits.py`). `Discontinuous` means",
+        "that edges move. `prb_projective` follows them where it sees them directly or in shadows.",
         "",
     ]
     return [*lines, *(f"- {what}: {said}" for what, said in limits.items()), ""]
 
 
-def targets(rows: list[dict]) -> list[str]:
+def ratio_table(rows: list[dict]) -> list[str]:
     """How many times longer the others took."""
     medians = {
         row["name"]: {call: row[call]["median"] for call in TIMED if call in row} for row in rows
@@ -284,45 +284,44 @@ def document(
     limits: dict[str, str],
     rounds: int,
 ) -> str:
-    """The page."""
+    """The whole page."""
     machine = f"{os.cpu_count()} cores, {platform.machine()}, Linux"
     lines = [
         "# Peers",
         "",
-        "Written by `python benchmarks/peers/run.py`; every number is of that one run.",
+        "Written by `python benchmarks/peers/run.py`. Every number is of that one run.",
         "",
-    ]
-    lines += [
-        f"The scene of `benchmarks/yardstick.toml`, 512 x 512, depth 5, on {machine}. Medians of {rounds} rounds in which all",
-        f"peers took turns ({TURNS} rounds for calls of more than {SLOW / 1e3:g} s), each in a process of its own. The gradient",
-        "is of the mean of squares by 12 parameters (24 numbers); Mitsuba's own integrators' is by a sphere's place.",
-        "Compile time is what the first call took more than later ones; C++'s is its compiler's. Memory is the peak.",
+        f"The scene is that of `benchmarks/yardstick.toml`, 512 x 512, depth 5, on {machine}.",
+        f"Times are medians of {rounds} rounds in which all peers took turns, each in a process",
+        f"of its own; calls of more than {SLOW / 1e3:g} s were made {TURNS} times. The gradient is",
+        "of the mean of squares by 12 parameters (24 numbers); that of Mitsuba's own integrators",
+        "is by the position of a sphere. Compile time is how much longer the first call took than",
+        "later ones; for C++ it is the compiler's. Memory is the peak.",
         "",
-    ]
-    lines += [*speed_table(rows), "", "![Times of peers](peers.png)", "", *targets(rows)]
-    lines += [
-        "Hand-written AVX-512 code takes 0.5-0.7 ms for this image on a machine on which scalar C++ takes 7-9 ms (measured by",
-        "others, elsewhere): some 5 times less than Dr.Jit's kernels, if the ratio to scalar C++ carries over.",
+        *speed_table(rows),
         "",
-    ]
-    lines += [
+        "![Times of peers](peers.png)",
+        "",
+        *ratio_table(rows),
+        "Hand-written AVX-512 code takes 0.5-0.7 ms for this image on a machine on which scalar",
+        "C++ takes 7-9 ms (measured by others, elsewhere). If that ratio holds here, it is some 5",
+        "times faster than Dr.Jit's kernels.",
+        "",
         "## Is it the same picture?",
         "",
-        "Against `boundary=False`, one sample at each pixel's centre.",
+        "Compared with `boundary=False`, one sample at each pixel's centre.",
+        "",
+        *picture_table(rows),
         "",
     ]
-    lines += [*picture_table(rows), ""]
+    names = {row["name"] for row in rows}
+    lines += [f"- {name}: {note}" for name, note in NOTES.items() if name in names]
     lines += [
-        f"- {name}: {note}"
-        for name, note in NOTES.items()
-        if any(row["name"] == name for row in rows)
-    ]
-    lines += ["", "## Gradients", ""]
-    lines += [
-        "Derivatives of the summed image, in parentheses as a part of the central differences (double, `boundary=True`,"
-    ]
-    lines += [
-        "16 samples a pixel, step 1e-4).",
+        "",
+        "## Gradients",
+        "",
+        "Derivatives of the summed image. Parentheses tell which part they are of the central",
+        "differences (double precision, `boundary=True`, 16 samples a pixel, step 1e-4).",
         "",
         *gradient_table(rows, references),
         "",
@@ -333,7 +332,7 @@ def document(
 
 
 def plot(rows: list[dict], path: Path) -> None:
-    """Bars of the times."""
+    """Draw the times as bars."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -362,8 +361,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("rounds", nargs="?", type=int, default=15)
-    parser.add_argument("-o", "--output", type=Path, default=HERE.parents[1] / "docs")
+    parser.add_argument("rounds", nargs="?", type=int, default=15, help="turns of each peer")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=HERE.parents[1] / "docs",
+        metavar="DIR",
+        help="folder for peers.md and peers.png [default: docs]",
+    )
     arguments = parser.parse_args()
     rows, missing = measure(arguments.rounds)
     references, limits = json.loads(script("reference.py")), json.loads(script("mitsuba_limits.py"))

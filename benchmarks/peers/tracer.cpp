@@ -1,7 +1,8 @@
 // The yardstick's scene in scalar C++: tracer image|gradient OUT
 //
-// Writes the picture as float32 to OUT and prints the milliseconds of a warm image, the peak memory in KB and, with
-// `gradient`, the derivatives by all 24 numbers of the loss (mean of squares) and of the sum, by forward mode.
+// Writes the picture to OUT as float32. Prints the milliseconds of the second of two calls, and the
+// peak memory in KB. With `gradient` it prints the derivatives of the loss (mean of squares) and of
+// the image's sum by all 24 numbers as well, in forward mode.
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -28,9 +29,15 @@ template <class F> Dual each(float v, F f) {
     for (int i = 0; i < N; i++) r.d[i] = f(i);
     return r;
 }
-Dual operator+(const Dual &a, const Dual &b) { return each(a.v + b.v, [&](int i) { return a.d[i] + b.d[i]; }); }
-Dual operator-(const Dual &a, const Dual &b) { return each(a.v - b.v, [&](int i) { return a.d[i] - b.d[i]; }); }
-Dual operator*(const Dual &a, const Dual &b) { return each(a.v * b.v, [&](int i) { return a.d[i] * b.v + a.v * b.d[i]; }); }
+Dual operator+(const Dual &a, const Dual &b) {
+    return each(a.v + b.v, [&](int i) { return a.d[i] + b.d[i]; });
+}
+Dual operator-(const Dual &a, const Dual &b) {
+    return each(a.v - b.v, [&](int i) { return a.d[i] - b.d[i]; });
+}
+Dual operator*(const Dual &a, const Dual &b) {
+    return each(a.v * b.v, [&](int i) { return a.d[i] * b.v + a.v * b.d[i]; });
+}
 Dual operator/(const Dual &a, const Dual &b) {
     float inverse = 1 / b.v, v = a.v * inverse;
     return each(v, [&](int i) { return (a.d[i] - v * b.d[i]) * inverse; });
@@ -38,35 +45,55 @@ Dual operator/(const Dual &a, const Dual &b) {
 Dual operator*(const Dual &a, float b) { return each(a.v * b, [&](int i) { return a.d[i] * b; }); }
 Dual operator*(float a, const Dual &b) { return b * a; }
 Dual operator-(const Dual &a) { return a * -1.f; }
-Dual chain(const Dual &a, float v, float slope) { return each(v, [&](int i) { return slope * a.d[i]; }); }
+Dual chain(const Dual &a, float v, float slope) {
+    return each(v, [&](int i) { return slope * a.d[i]; });
+}
 Dual root(const Dual &a) { float s = std::sqrt(a.v); return chain(a, s, .5f / s); }
-Dual power(const Dual &a, float e) { float p = std::pow(a.v, e - 1); return chain(a, p * a.v, e * p); }
+Dual power(const Dual &a, float e) {
+    float p = std::pow(a.v, e - 1);
+    return chain(a, p * a.v, e * p);
+}
 float root(float a) { return std::sqrt(a); }
 float power(float a, float e) { return std::pow(a, e); }
 float value(float a) { return a; }
 float value(const Dual &a) { return a.v; }
 
 template <class T> struct Vec { T x, y, z; };
-template <class T> Vec<T> operator+(const Vec<T> &a, const Vec<T> &b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-template <class T> Vec<T> operator-(const Vec<T> &a, const Vec<T> &b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+template <class T> Vec<T> operator+(const Vec<T> &a, const Vec<T> &b) {
+    return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+template <class T> Vec<T> operator-(const Vec<T> &a, const Vec<T> &b) {
+    return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
 template <class T> Vec<T> operator-(const Vec<T> &a) { return {-a.x, -a.y, -a.z}; }
-template <class T, class U> Vec<T> operator*(const Vec<T> &a, const U &s) { return {a.x * s, a.y * s, a.z * s}; }
-template <class T> Vec<T> operator*(const Vec<T> &a, const Vec<T> &b) { return {a.x * b.x, a.y * b.y, a.z * b.z}; }
-template <class T> T dot(const Vec<T> &a, const Vec<T> &b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+template <class T, class U> Vec<T> operator*(const Vec<T> &a, const U &s) {
+    return {a.x * s, a.y * s, a.z * s};
+}
+template <class T> Vec<T> operator*(const Vec<T> &a, const Vec<T> &b) {
+    return {a.x * b.x, a.y * b.y, a.z * b.z};
+}
+template <class T> T dot(const Vec<T> &a, const Vec<T> &b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
 template <class T> Vec<T> unit(const Vec<T> &a) { return a * (T(1) / root(dot(a, a))); }
 template <class T> Vec<T> cross(const Vec<T> &a, const Vec<T> &b) {
     return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
-template <class T> Vec<float> value(const Vec<T> &a) { return {value(a.x), value(a.y), value(a.z)}; }
+template <class T> Vec<float> value(const Vec<T> &a) {
+    return {value(a.x), value(a.y), value(a.z)};
+}
 template <class T> Vec<T> lift(const Vec<float> &a) { return {T(a.x), T(a.y), T(a.z)}; }
 
-// Sphere by sphere center and radius, the three indices, light position and intensity, camera position
+// Centre and radius of each sphere, the three indices, the light's position and intensity, and the
+// camera's position
 const float START[N] = {-.45f, -.6f, .2f, .4f, .45f, -.65f, -.2f, .35f, .1f, -.8f, -.7f, .2f,
                         1.5f, 1.5f, 1.5f, 0, .9f, -.3f, 1, 1, 1, 0, 0, -3.2f};
 const Vec<float> NORMAL[PLANES] = {{0, 1, 0}, {0, -1, 0}, {1, 0, 0}, {-1, 0, 0}, {0, 0, -1}};
-const Vec<float> COLOR[SPHERES + PLANES] = {{.1f, .1f, .1f}, {0, 0, 0},       {.2f, .7f, .3f}, {.7f, .7f, .7f},
-                                            {.7f, .7f, .7f}, {.7f, .2f, .2f}, {.2f, .2f, .7f}, {.7f, .7f, .7f}};
-const float REFLECTION[SPHERES] = {.9f, .1f, 0}, REFRACTION[SPHERES] = {0, .9f, 0}, SPECULAR = .3f, SHININESS = 50;
+const Vec<float> COLOR[SPHERES + PLANES] = {
+    {.1f, .1f, .1f}, {0, 0, 0},       {.2f, .7f, .3f}, {.7f, .7f, .7f},
+    {.7f, .7f, .7f}, {.7f, .2f, .2f}, {.2f, .2f, .7f}, {.7f, .7f, .7f}};
+const float REFLECTION[SPHERES] = {.9f, .1f, 0}, REFRACTION[SPHERES] = {0, .9f, 0};
+const float SPECULAR = .3f, SHININESS = 50;
 
 template <class T> struct Scene {
     Vec<T> center[SPHERES];
@@ -110,7 +137,8 @@ int closest(const Flat &s, const Vec<float> &o, const Vec<float> &d, Source from
     for (int k = 0; k < SPHERES + PLANES; k++) {
         float t = FAR;
         if (k < SPHERES) t = distance(s, k, o, d, from);
-        else if (from.index != k) t = -(dot(o, NORMAL[k - SPHERES]) + 1) / dot(d, NORMAL[k - SPHERES]);
+        else if (from.index != k)
+            t = -(dot(o, NORMAL[k - SPHERES]) + 1) / dot(d, NORMAL[k - SPHERES]);
         if (t > 0 && t < best) best = t, index = k;
     }
     return index;
@@ -124,7 +152,8 @@ bool occluded(const Flat &s, const Vec<float> &p, const Vec<float> &l, float far
 }
 
 template <class T>
-Vec<T> radiance(const Scene<T> &s, const Flat &flat, const Vec<T> &o, const Vec<T> &d, Source from, int depth) {
+Vec<T> radiance(const Scene<T> &s, const Flat &flat, const Vec<T> &o, const Vec<T> &d, Source from,
+                int depth) {
     int index = closest(flat, value(o), value(d), from);
     if (index == NONE) return lift<T>({0, 0, 0});
     bool ball = index < SPHERES;
@@ -139,7 +168,9 @@ Vec<T> radiance(const Scene<T> &s, const Flat &flat, const Vec<T> &o, const Vec<
         Vec<T> m = lift<T>(NORMAL[index - SPHERES]);
         t = -(dot(o, m) + T(1)) / dot(d, m);
     }
-    Vec<T> p = o + d * t, n = ball ? (p - s.center[index]) * (T(1) / s.radius[index]) : lift<T>(NORMAL[index - SPHERES]);
+    Vec<T> p = o + d * t;
+    Vec<T> n = ball ? (p - s.center[index]) * (T(1) / s.radius[index])
+                    : lift<T>(NORMAL[index - SPHERES]);
     bool inside = value(dot(n, d)) > 0;
     if (inside) n = -n;
 
@@ -151,15 +182,19 @@ Vec<T> radiance(const Scene<T> &s, const Flat &flat, const Vec<T> &o, const Vec<
         T shine = dot(n, unit(l - d));
         T spot = value(shine) > 0 ? power(shine, SHININESS) * SPECULAR : T(0);
         const Vec<float> &c = COLOR[index];
-        result = s.intensity * Vec<T>{lambert * c.x + spot, lambert * c.y + spot, lambert * c.z + spot};
+        Vec<T> reflected = {lambert * c.x + spot, lambert * c.y + spot, lambert * c.z + spot};
+        result = s.intensity * reflected;
     }
     if (depth == DEPTH || !ball) return result;
 
-    T c = -dot(d, n), eta = inside ? s.ior[index] : T(1) / s.ior[index], k = T(1) - eta * eta * (T(1) - c * c);
+    T c = -dot(d, n), eta = inside ? s.ior[index] : T(1) / s.ior[index];
+    T k = T(1) - eta * eta * (T(1) - c * c);
     float reflection = REFLECTION[index], refraction = REFRACTION[index];
     if (refraction > 0 && value(k) <= 0) reflection += refraction, refraction = 0;
-    if (reflection > 0)
-        result = result + radiance(s, flat, p, d + n * (c * 2.f), {index, inside}, depth + 1) * reflection;
+    if (reflection > 0) {
+        Vec<T> mirrored = d + n * (c * 2.f);
+        result = result + radiance(s, flat, p, mirrored, {index, inside}, depth + 1) * reflection;
+    }
     if (refraction > 0) {
         Vec<T> bent = d * eta + n * (eta * c - root(k));
         result = result + radiance(s, flat, p, bent, {index, !inside}, depth + 1) * refraction;
@@ -188,7 +223,8 @@ template <class T> Totals render(const T *parameters, std::vector<float> &image)
         float scale = std::tan(53.130102354f * float(M_PI) / 360);
         for (int y; (y = next++) < SIZE;)
             for (int x = 0; x < SIZE; x++) {
-                T u = T((2 * (x + .5f) / SIZE - 1) * scale), v = T((1 - 2 * (y + .5f) / SIZE) * scale);
+                T u = T((2 * (x + .5f) / SIZE - 1) * scale);
+                T v = T((1 - 2 * (y + .5f) / SIZE) * scale);
                 Vec<T> d = unit(scene.forward + scene.right * u + scene.up * v);
                 Vec<T> c = radiance(scene, flat, scene.camera, d, {NONE, false}, 1);
                 float *pixel = &image[3 * (y * SIZE + x)];
@@ -199,9 +235,14 @@ template <class T> Totals render(const T *parameters, std::vector<float> &image)
     std::vector<std::thread> threads;
     for (Totals &mine : totals) threads.emplace_back(work, std::ref(mine));
     for (std::thread &thread : threads) thread.join();
-    for (int i = 0; i < N; i++) totals[0].loss[i] += totals[1].loss[i], totals[0].sum[i] += totals[1].sum[i];
+    for (int i = 0; i < N; i++) {
+        totals[0].loss[i] += totals[1].loss[i];
+        totals[0].sum[i] += totals[1].sum[i];
+    }
     return totals[0];
 }
+
+using Clock = std::chrono::steady_clock;
 
 int main(int, char **arguments) {
     bool gradient = !std::strcmp(arguments[1], "gradient");
@@ -210,11 +251,14 @@ int main(int, char **arguments) {
     for (int i = 0; i < N; i++) parameters[i].v = START[i], parameters[i].d[i] = 1;
     Totals totals;
     for (int turn = 0; turn < 2; turn++) {
-        auto start = std::chrono::steady_clock::now();
+        auto start = Clock::now();
         totals = gradient ? render(parameters, image) : render(START, image);
-        if (turn) std::printf("ms %f\n", std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+        std::chrono::duration<double, std::milli> taken = Clock::now() - start;
+        if (turn) std::printf("ms %f\n", taken.count());
     }
-    std::ofstream(arguments[2], std::ios::binary).write(reinterpret_cast<char *>(image.data()), image.size() * sizeof(float));
+    std::ofstream file(arguments[2], std::ios::binary);
+    file.write(reinterpret_cast<char *>(image.data()), image.size() * sizeof(float));
+    file.close();
     std::ifstream status("/proc/self/status");
     for (std::string line; std::getline(status, line);)
         if (line.rfind("VmHWM:", 0) == 0) std::printf("memory %s\n", line.c_str() + 6);

@@ -1,8 +1,7 @@
-"""The yardstick's scene over any array library like NumPy: a generation of rays at a time, packed
-densely.
+"""The yardstick's scene for array libraries like NumPy, a generation of rays at a time.
 
-Written once for `numpy_peer.py` and `jax_peer.py`, which differ in how they pack rays and add to
-pixels.
+`numpy_peer.py` and `jax_peer.py` share it. They differ in how they pack rays and add to pixels.
+`xp` is the library; vectors are arrays of shape (3, rays).
 """
 
 import math
@@ -14,7 +13,7 @@ SIZE, DEPTH, SPHERES = 512, 5, 3
 
 
 class Tables:
-    """What the parameters do not change."""
+    """What of the scene is no parameter."""
 
     def __init__(self) -> None:
         loaded = common.scene()
@@ -32,7 +31,7 @@ class Tables:
 
 
 def flat_parameters() -> np.ndarray:
-    """The 24 numbers."""
+    """The 24 numbers of the parameters."""
     return np.array(
         [number for values in common.values().values() for number in values], np.float32
     )
@@ -47,7 +46,7 @@ def unit(xp, a):
 
 
 def primary(xp, tables: Tables, parameters, places):
-    """Origins and directions of the rays through these pixels' centres, components first."""
+    """Origins and directions of the rays through these pixels' centres."""
     camera = parameters[21:24]
     forward = unit(xp, -camera)
     right = unit(xp, xp.stack([-forward[2], 0 * forward[0], forward[0]]))
@@ -65,7 +64,11 @@ def primary(xp, tables: Tables, parameters, places):
 
 
 def chord(xp, parameters, k: int, o, d):
-    """Distance to the point nearest to a sphere's centre, half the chord, and whether there is one."""
+    """What a sphere cuts out of a ray.
+
+    Returns:
+        The distance to the middle of the chord, half the chord's length, and whether there is one.
+    """
     to = parameters[4 * k : 4 * k + 3, None] - o
     b = dot(to, d)
     miss = to - d * b
@@ -74,7 +77,12 @@ def chord(xp, parameters, k: int, o, d):
 
 
 def closest(xp, tables: Tables, parameters, o, d, source, inward):
-    """Distance to the nearest primitive, and which."""
+    """The distance to the nearest primitive, and its number.
+
+    Args:
+        source: the primitive that a ray starts on, or -1.
+        inward: whether the ray goes into it.
+    """
     t, index = xp.full(o.shape[1], np.inf, np.float32), xp.full(o.shape[1], -1, np.int32)
     for k in range(SPHERES):
         b, half, meets = chord(xp, parameters, k, o, d)
@@ -91,7 +99,7 @@ def closest(xp, tables: Tables, parameters, o, d, source, inward):
 
 
 def occluded(xp, parameters, p, light, far, index, inside):
-    """Whether a sphere is between; planes bound a convex room with the light in it."""
+    """Whether a sphere keeps the light away. Planes do not: they bound a convex room around it."""
     blocked = xp.zeros(p.shape[1], bool)
     for k in range(SPHERES):
         b, half, meets = chord(xp, parameters, k, p, light)
@@ -102,7 +110,7 @@ def occluded(xp, parameters, p, light, far, index, inside):
 
 
 def fiftieth(x):
-    """x^50 by squaring."""
+    """x^50, by multiplications."""
     x2 = x * x
     x4 = x2 * x2
     x8 = x4 * x4
@@ -111,7 +119,7 @@ def fiftieth(x):
 
 
 def chosen(xp, index, numbers):
-    """The number of a primitive; a chain of choices, as it is faster than to look it up."""
+    """The number of a primitive, by a chain of choices, which is faster than a lookup."""
     found = xp.zeros(index.shape, np.float32)
     for k, number in enumerate(numbers):
         if number:
@@ -120,8 +128,11 @@ def chosen(xp, index, numbers):
 
 
 def shade(xp, tables: Tables, parameters, o, d, source, inward):
-    """A generation: its light, and for both children direction, weight and side; then where they
-    start, and on what.
+    """Shade a generation of rays.
+
+    Returns:
+        The light; of the reflected and of the refracted rays each direction, weight and whether
+        they go into the primitive; the point that both start at, and the primitive it is on.
     """
     t, index = closest(xp, tables, parameters, o, d, source, inward)
     hits = index >= 0
