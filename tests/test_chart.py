@@ -1,15 +1,20 @@
-"""Charts of a small scene: every group, every file, and runs that go on where they were."""
+"""The report of a small scene: all groups and files, and resumed runs."""
 
 import json
+import sys
 
 import drjit as dr
 import numpy as np
 import pytest
 
 from whitted.cli import run
-from whitted.measure import experiments
-from whitted.measure.chart import chart, front, slope
-from whitted.measure.store import Store, in_turns
+from whitted.measure import scaling
+from whitted.measure.analysis import fastest, front, slope
+from whitted.measure.chart import chart, report
+from whitted.measure.experiments import EXPERIMENTS
+from whitted.measure.plots import Plot
+from whitted.measure.store import Store
+from whitted.measure.timing import in_turns
 
 SCENE = """
 background = [0.1, 0.2, 0.3]
@@ -34,7 +39,7 @@ intensity = [0.6, 0.6, 0.6]
 
 @pytest.fixture
 def scene(tmp_path, monkeypatch):
-    monkeypatch.setattr(experiments, "COUNTS", (1, 2, 4, 8))
+    monkeypatch.setattr(scaling, "COUNTS", (1, 2, 4, 8))
     path = tmp_path / "scene.toml"
     path.write_text(SCENE)
     return path
@@ -45,8 +50,7 @@ def test_report_has_all_groups_and_is_resumed(scene, tmp_path, capsys, monkeypat
     assert run(["chart", str(scene), "-o", str(folder), "--quick", "--size", "24x24"]) == 0
     assert "wrote" in capsys.readouterr().out
     names = {path.name for path in folder.iterdir()}
-    groups = list(experiments.Experiments(scene, (24, 24), True).groups)
-    assert {f"{name}.csv" for name in groups} | {
+    assert {f"{name}.csv" for name in EXPERIMENTS} | {
         "measured.json",
         "report.html",
         "image.png",
@@ -56,46 +60,54 @@ def test_report_has_all_groups_and_is_resumed(scene, tmp_path, capsys, monkeypat
     page = (folder / "report.html").read_text()
     assert all(f'src="{name}"' in page for name in names if name.endswith(".png"))
     assert "d image / d spheres.sphere0.center.x" in page
-    kept = json.loads((folder / "measured.json").read_text())
-    rows = {row["name"]: row for row in kept["groups"]["image"]}
-    assert (
-        rows["boundary, spp 1"]["error"]
-        < rows["plain, spp 4"]["error"]
-        < rows["plain, spp 1"]["error"]
-        < 1
-    )
-    errors = {
-        kind: [r["error"] for r in kept["groups"]["gradient"] if r["kind"] == kind]
-        for kind in ("boundary", "plain AD")
-    }
-    assert min(errors["boundary"]) < 0.1 < min(errors["plain AD"])
-    modes = {row["name"]: row["error"] for row in kept["groups"]["modes"]}
-    for what in ("one", "all"):
-        reverse, forward = (
-            modes[f"boundary, reverse, {what}, double, spp 1"],
-            modes["boundary, forward, double, spp 1"],
-        )
-        assert reverse == pytest.approx(forward, abs=1e-9)
-        assert reverse < modes[f"plain AD, reverse, {what}, single, spp 1"]
+    stored = json.loads((folder / "measured.json").read_text())
+    check_errors(stored["groups"])
 
     # All is measured: nothing is measured again, unless the conditions change
     def fail(*_):
         raise AssertionError
 
-    with monkeypatch.context() as patch:
-        patch.setattr("whitted.measure.experiments.in_turns", fail)
-        chart(
-            scene,
-            folder,
-            json.loads((folder / "measured.json").read_text())["conditions"]["whitted"],
-            size=(24, 24),
-            quick=True,
-        )
-        with pytest.raises(AssertionError):
-            chart(scene, folder, "another", size=(24, 24), quick=True)
+    release, done = stored["conditions"]["whitted"], []
+    monkeypatch.setattr("whitted.measure.setup.in_turns", fail)
+    chart(scene, folder, release, size=(24, 24), quick=True, progress=done.append)
+    assert done == pytest.approx(np.arange(1, 11) / 10)
+    with pytest.raises(AssertionError):
+        chart(scene, folder, "another", size=(24, 24), quick=True)
 
 
-def test_interrupted_runs_go_on(tmp_path):
+def check_errors(groups):
+    """More samples and edges lower the errors; the modes of differentiation agree."""
+    rows = {row["name"]: row["error"] for row in groups["image"]}
+    assert rows["boundary, spp 1"] < rows["plain, spp 4"] < rows["plain, spp 1"] < 1
+    errors = {
+        kind: [row["error"] for row in groups["gradient"] if row["kind"] == kind]
+        for kind in ("boundary", "plain AD")
+    }
+    assert min(errors["boundary"]) < 0.1 < min(errors["plain AD"])
+    modes = {row["name"]: row["error"] for row in groups["modes"]}
+    forward = modes["boundary, forward, double, spp 1"]
+    for which in ("one", "all"):
+        reverse = modes[f"boundary, reverse, {which}, double, spp 1"]
+        assert reverse == pytest.approx(forward, abs=1e-9)
+        assert reverse < modes[f"plain AD, reverse, {which}, single, spp 1"]
+
+
+def test_text_is_escaped_in_the_report():
+    groups = {"image": [{"name": "<b> & c", "ms": 1.0, "error": 0.5}], "depth": []}
+    plots = [Plot("image.png", 'x < y & "z"')]
+    page = report("a<b>&c", {"scene": "a<b>&c.toml"}, groups | {"importance": []}, plots)
+    for text in (
+        "<title>a&lt;b&gt;&amp;c: speed against accuracy</title>",
+        "<h1>a&lt;b&gt;&amp;c: ",
+        "<td>a&lt;b&gt;&amp;c.toml</td>",
+        "<td>&lt;b&gt; &amp; c</td>",
+        'alt="x &lt; y &amp; &#34;z&#34;"',
+    ):
+        assert text in page
+    assert "<b>" not in page
+
+
+def test_interrupted_runs_are_resumed(tmp_path):
     path, calls = tmp_path / "a.json", []
 
     def rows(name):
@@ -131,15 +143,25 @@ def test_calls_take_turns():
     assert found["a"]["spread"] >= 0
 
 
-def test_front_keeps_what_nothing_betters():
-    rows = [
-        {"ms": 1, "error": 0.5},
-        {"ms": 2, "error": 0.6},
-        {"ms": 3, "error": 0.1},
-        {"ms": 2.5, "error": 0.3},
-        {"error": 0.01},
+ROWS = [
+    {"ms": 1, "error": 0.5},
+    {"ms": 2, "error": 0.6},
+    {"ms": 3, "error": 0.01},
+    {"ms": 2.5, "error": 0.03},
+    {"error": 0.001},
+]
+
+
+def test_front_has_the_rows_that_no_other_beats():
+    assert [row["ms"] for row in front(ROWS)] == [1, 2.5, 3]
+
+
+def test_fastest_row_of_each_error():
+    assert [(error, row["ms"]) for error, row in fastest(ROWS)] == [
+        (0.05, 2.5),
+        (0.02, 3),
+        (0.01, 3),
     ]
-    assert [row["ms"] for row in front(rows)] == [1, 2.5, 3]
 
 
 def test_slope_is_the_exponent():
@@ -148,16 +170,24 @@ def test_slope_is_the_exponent():
     assert np.isnan(slope(rows[:1]))
 
 
-def test_chart_refuses_bad_input(scene, tmp_path, capsys, monkeypatch):
+def test_bad_input_is_refused(scene, tmp_path, capsys):
     assert run(["chart", str(tmp_path / "none.toml"), "-o", str(tmp_path / "c")]) == 2
     assert run(["chart", str(scene), "-o", str(tmp_path / "no" / "such")]) == 2
     assert run(["chart", str(scene), "-o", str(tmp_path / "c"), "--size", "big"]) == 2
     text = capsys.readouterr().err
-    assert all(
-        part in text
-        for part in ("cannot be read", "there is no folder", "--size: expected WIDTHxHEIGHT")
-    )
-    monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
+    messages = "cannot be read", "there is no folder", "--size: expected WIDTHxHEIGHT"
+    assert all(message in text for message in messages)
+
+
+@pytest.mark.parametrize(
+    ("module", "command"),
+    [
+        ("matplotlib.figure", "pip install 'whitted[fit]'"),
+        ("jinja2", "pip install 'whitted[bench]'"),
+    ],
+)
+def test_missing_libraries(scene, tmp_path, capsys, monkeypatch, module, command):
+    monkeypatch.setitem(sys.modules, module, None)
     assert run(["chart", str(scene), "-o", str(tmp_path / "c")]) == 2
-    assert "pip install 'whitted[fit]'" in capsys.readouterr().err
+    assert command in capsys.readouterr().err
     assert not (tmp_path / "c").exists()

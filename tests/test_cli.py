@@ -1,6 +1,4 @@
-"""The command line, in this process where that is enough and in one of its own where signals or
-starting matter.
-"""
+"""The command line, in a process of its own where signals or the start of Python matter."""
 
 import hashlib
 import os
@@ -24,12 +22,14 @@ SCENES = Path(__file__).parent.parent / "scenes"
 SCENE = SCENES / "cornell.toml"
 
 
+def call(words, *arguments):
+    """Run a command line of these words, then these arguments; returns the exit status."""
+    return run([*words.split(), *map(str, arguments)])
+
+
 def test_render_writes_exr_and_png(tmp_path, capsys):
     out = tmp_path / "a.exr"
-    assert (
-        run(["render", str(SCENE), "-o", str(out), "--spp", "4", "--depth", "3", "--size", "24x16"])
-        == 0
-    )
+    assert call("render --spp 4 --depth 3 --size 24x16", SCENE, "-o", out) == 0
     expected = wt.render(wt.load_scene(SCENE), 4, max_depth=3, resolution=(24, 16))
     np.testing.assert_array_equal(wt.read_image(out).numpy(), expected.numpy())
     assert wt.read_image(tmp_path / "a.png").shape == (16, 24, 3)
@@ -47,9 +47,9 @@ def test_render_writes_exr_and_png(tmp_path, capsys):
 
 
 def test_exr_header_tells_how_it_was_made(tmp_path):
-    options = ["--size", "8x8", "--precision", "double", "--no-boundary"]
-    assert run(["render", str(SCENE), "-o", str(tmp_path / "a.exr"), *options]) == 0
-    with OpenEXR.File(str(tmp_path / "a.exr")) as file:
+    out = tmp_path / "a.exr"
+    assert call("render --size 8x8 --precision double --no-boundary", SCENE, "-o", out) == 0
+    with OpenEXR.File(str(out)) as file:
         header = file.header()
         assert header["whitted"] == wt.__version__
         assert header["sceneSHA256"] == hashlib.sha256(SCENE.read_bytes()).hexdigest()
@@ -59,23 +59,8 @@ def test_exr_header_tells_how_it_was_made(tmp_path):
 
 def test_no_boundary_gives_plain_samples(tmp_path):
     plain, corrected = tmp_path / "plain.exr", tmp_path / "corrected.exr"
-    assert (
-        run(
-            [
-                "render",
-                str(SCENE),
-                "-o",
-                str(plain),
-                "--size",
-                "24x16",
-                "--depth",
-                "3",
-                "--no-boundary",
-            ]
-        )
-        == 0
-    )
-    assert run(["render", str(SCENE), "-o", str(corrected), "--size", "24x16", "--depth", "3"]) == 0
+    assert call("render --size 24x16 --depth 3 --no-boundary", SCENE, "-o", plain) == 0
+    assert call("render --size 24x16 --depth 3", SCENE, "-o", corrected) == 0
     expected = wt.render(
         wt.load_scene(SCENE), boundary=False, max_depth=3, resolution=(24, 16)
     ).numpy()
@@ -85,10 +70,10 @@ def test_no_boundary_gives_plain_samples(tmp_path):
 
 @pytest.mark.parametrize("scene", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
 def test_shipped_scenes_render(tmp_path, scene):
-    assert run(["render", str(scene), "-o", str(tmp_path / "a.exr"), "--size", "16x16"]) == 0
+    assert call("render --size 16x16", scene, "-o", tmp_path / "a.exr") == 0
     image = wt.read_image(tmp_path / "a.exr").numpy()
     assert np.isfinite(image).all()
-    # Something is there to see: neither black nor all of one colour
+    # Neither black nor all of one colour
     assert image.std() > 0.01
 
 
@@ -109,8 +94,8 @@ def test_shipped_scenes_render(tmp_path, scene):
     ],
 )
 def test_bad_arguments(tmp_path, capsys, arguments, message):
-    for command in (["render"], ["gradient", "--wrt", "camera.fov"]):
-        assert run([*command, str(SCENE), "-o", str(tmp_path / "a.exr"), *arguments]) == 2
+    for command in ("render", "gradient --wrt camera.fov"):
+        assert call(command, SCENE, "-o", tmp_path / "a.exr", *arguments) == 2
         check_refusal(tmp_path, capsys, message)
 
 
@@ -134,8 +119,8 @@ def check_refusal(tmp_path, capsys, message):
 def test_bad_outputs(tmp_path, capsys, output, message):
     (tmp_path / "folder.exr").mkdir()
     (tmp_path / "preview.png").mkdir()
-    for command in (["render"], ["gradient", "--wrt", "camera.fov"]):
-        assert run([*command, str(SCENE), "-o", str(tmp_path / output)]) == 2
+    for command in ("render", "gradient --wrt camera.fov"):
+        assert call(command, SCENE, "-o", tmp_path / output) == 2
         check_refusal(tmp_path, capsys, message)
 
 
@@ -149,20 +134,9 @@ def test_bad_outputs(tmp_path, capsys, output, message):
 )
 def test_gradient_writes_exr_and_png(tmp_path, capsys, name, component, terms):
     out, size = tmp_path / "a.exr", (24, 16)
-    options = [
-        "--spp",
-        "4",
-        "--depth",
-        "3",
-        "--size",
-        "24x16",
-        "--precision",
-        "double",
-        "--terms",
-        terms,
-    ]
-    options += ["--component", component] if component else []
-    assert run(["gradient", str(SCENE), "--wrt", name, "-o", str(out), *options]) == 0
+    words = f"gradient --wrt {name} --spp 4 --depth 3 --size 24x16 --precision double"
+    words += f" --terms {terms}" + (f" --component {component}" if component else "")
+    assert call(words, SCENE, "-o", out) == 0
     scene = wt.load_scene(SCENE, "double")
     expected = wt.gradient(
         scene, name, component, 4, terms=terms, max_depth=3, resolution=size
@@ -185,14 +159,12 @@ def test_gradient_writes_exr_and_png(tmp_path, capsys, name, component, terms):
     with OpenEXR.File(str(out)) as file:
         header = file.header()
         assert header["wrt"] == (f"{name}.{component}" if component else name)
-        assert (header["terms"], header["sceneSHA256"]) == (
-            terms,
-            hashlib.sha256(SCENE.read_bytes()).hexdigest(),
-        )
+        assert header["terms"] == terms
+        assert header["sceneSHA256"] == hashlib.sha256(SCENE.read_bytes()).hexdigest()
 
 
 def check_colors(path, derivative):
-    """Red where the derivative is well above 0, blue where it is well below, white where it is 0."""
+    """Red where the derivative is clearly above 0, blue where it is clearly below, white at 0."""
     values = derivative.mean(axis=-1)
     height, width = values.shape
     with Image.open(path) as file:
@@ -200,14 +172,15 @@ def check_colors(path, derivative):
     assert picture.shape[0] > height
     left = (picture.shape[1] - width) // 2
     red, _, blue = np.moveaxis(picture[:height, left : left + width], -1, 0)
-    well = 0.05 * np.percentile(abs(values), 99.5)
+    # An 8-bit colour differs from white beyond 1/255 of the scale; 5 % leaves a margin
+    clear = 0.05 * np.percentile(abs(values), 99.5)
     for region, right in (
-        (values > well, red > blue),
-        (values < -well, red < blue),
+        (values > clear, red > blue),
+        (values < -clear, red < blue),
         (values == 0, (red == 255) & (blue == 255)),
     ):
         assert right[region].all()
-    assert (abs(values) > well).any()
+    assert (abs(values) > clear).any()
 
 
 @pytest.mark.parametrize(
@@ -215,7 +188,8 @@ def check_colors(path, derivative):
     [
         (
             ["--wrt", "ambient"],
-            "component: expected x, y or z (red, green or blue of a colour) for the vector 'ambient', got none",
+            "component: expected x, y or z (red, green or blue of a colour) for the vector "
+            "'ambient', got none",
         ),
         (
             ["--wrt", "camera.fov", "--component", "x"],
@@ -231,77 +205,64 @@ def check_colors(path, derivative):
     ],
 )
 def test_bad_gradients(tmp_path, capsys, arguments, message):
-    assert (
-        run(["gradient", str(SCENE), "-o", str(tmp_path / "a.exr"), "--size", "8x8", *arguments])
-        == 2
-    )
+    out = tmp_path / "a.exr"
+    assert call("gradient --size 8x8", SCENE, "-o", out, *arguments) == 2
     check_refusal(tmp_path, capsys, message)
 
 
 def test_output_that_cannot_be_written(capsys):
     if not Path("/proc/self").is_dir():
         pytest.skip("needs a folder that nobody can write to")
-    assert run(["render", str(SCENE), "-o", "/proc/self/a.exr", "--size", "4x4"]) == 2
-    assert (
-        "/proc/self/a.exr: the folder '/proc/self' cannot be written to; choose another"
-        in capsys.readouterr().err
-    )
+    assert call("render --size 4x4 -o /proc/self/a.exr", SCENE) == 2
+    message = "/proc/self/a.exr: the folder '/proc/self' cannot be written to; choose another"
+    assert message in capsys.readouterr().err
 
 
 def test_bad_scene_lists_every_problem(tmp_path, capsys):
     scene = tmp_path / "bad.toml"
     scene.write_text(SCENE.read_text().replace("fov ", "fovv ").replace("radius", "radios", 1))
-    assert run(["render", str(scene), "-o", str(tmp_path / "a.exr")]) == 2
+    assert call("render", scene, "-o", tmp_path / "a.exr") == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 4
     assert all(line.startswith(f"{scene}: ") for line in lines)
-    assert run(["render", str(tmp_path / "none.toml"), "-o", str(tmp_path / "a.exr")]) == 2
+    assert call("render", tmp_path / "none.toml", "-o", tmp_path / "a.exr") == 2
     check_refusal(tmp_path, capsys, "none.toml: cannot be read: No such file or directory")
 
 
 def test_info_and_help(capsys):
-    assert run(["info"]) == 0
+    assert call("info") == 0
     text = capsys.readouterr().out
     for part in ("Dr.Jit:", "libLLVM:", "vector width:", "threads:", "kernel cache:"):
         assert part in text
-    for command in ("render", "gradient"):
-        assert run([command, "--help"]) == 0
-        assert "Examples:" in capsys.readouterr().out
-    assert run(["rendr"]) == 2
+    for command in ("render", "gradient", "fit", "chart", "stress", "info"):
+        assert call(f"{command} --help") == 0
+        assert "Example" in capsys.readouterr().out
+    assert call("rendr") == 2
     assert "Did you mean 'render'?" in capsys.readouterr().err
 
 
 def cpu_seconds(pid):
-    """What a process has spent, which tells how far it is on a machine of any load."""
+    """The CPU time of a process: how far it is, whatever else the machine does."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def heed():
-    """Do not ignore Ctrl-C, as what a shell runs in the background does."""
+    """Accept Ctrl-C, which a process that a shell runs in the background ignores."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def test_interrupt_leaves_nothing(tmp_path):
     """Ctrl-C in a render that would take minutes: exit status 130, no file."""
-    command = [
-        sys.executable,
-        "-m",
-        "whitted.cli",
-        "render",
-        str(SCENE),
-        "-o",
-        str(tmp_path / "a.exr"),
-        "--spp",
-        "4096",
-    ]
+    command = [sys.executable, "-m", "whitted.cli", "render", "--spp", "4096", str(SCENE)]
     process = subprocess.Popen(
-        command,
+        [*command, "-o", str(tmp_path / "a.exr")],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         start_new_session=True,
         preexec_fn=heed,
     )
+    # Python has started and the render is under way, but far from done
     while cpu_seconds(process.pid) < 5:
         assert process.poll() is None
         time.sleep(0.1)
@@ -313,7 +274,7 @@ def test_interrupt_leaves_nothing(tmp_path):
 
 
 def test_interrupt_that_becomes_another_error(monkeypatch, capsys):
-    """As where Dr.Jit, which called Python, reports the exception of Ctrl-C as its own."""
+    """Dr.Jit may report the KeyboardInterrupt of a callback as an error of its own."""
 
     def fail(*_, **__):
         try:
@@ -328,21 +289,17 @@ def test_interrupt_that_becomes_another_error(monkeypatch, capsys):
 
 
 def test_without_llvm(tmp_path):
-    """No libLLVM anywhere: one line that tells the remedy, exit status 2."""
+    """Without libLLVM: exit status 2, and one line that names it."""
     missing = str(tmp_path / "libLLVM.so")
     environment = {**os.environ, "DRJIT_LIBLLVM_PATH": missing}
-    for arguments in (["render"], ["gradient", "--wrt", "camera.fov"]):
-        command = [
-            sys.executable,
-            "-m",
-            "whitted.cli",
-            *arguments,
-            str(SCENE),
-            "-o",
-            str(tmp_path / "a.exr"),
-        ]
+    for words in ("render", "gradient --wrt camera.fov"):
+        arguments = [*words.split(), str(SCENE), "-o", str(tmp_path / "a.exr")]
         process = subprocess.run(
-            command, env=environment, capture_output=True, text=True, check=False
+            [sys.executable, "-m", "whitted.cli", *arguments],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
         )
         assert process.returncode == 2
         assert missing in process.stderr
@@ -354,7 +311,7 @@ def test_disk_that_is_full(tmp_path, capsys, monkeypatch):
         raise OSError(28, "No space left on device", str(path))
 
     monkeypatch.setattr("whitted.files.images.write_image", fail)
-    assert run(["render", str(SCENE), "-o", str(tmp_path / "a.exr"), "--size", "4x4"]) == 2
+    assert call("render --size 4x4", SCENE, "-o", tmp_path / "a.exr") == 2
     check_refusal(tmp_path, capsys, "a.exr: cannot be read or written: No space left on device")
 
 
@@ -364,54 +321,49 @@ def test_error_chooses_the_samples(tmp_path, capsys, monkeypatch):
     offered = [Setting(4, False, 1.0), Setting(1, False, 2.0), Setting(4, True, 3.0)]
     monkeypatch.setattr("whitted.rendering.auto_samples.settings", lambda *_: offered)
     out = tmp_path / "a.exr"
-    assert (
-        run(
-            [
-                "render",
-                str(SCENE),
-                "-o",
-                str(out),
-                "--size",
-                "24x16",
-                "--depth",
-                "3",
-                "--error",
-                "0.5",
-            ]
-        )
-        == 0
-    )
+    assert call("render --size 24x16 --depth 3 --error 0.5", SCENE, "-o", out) == 0
     assert "for an error of 0.5: spp 4, plain samples" in capsys.readouterr().out
     expected = wt.render(
         wt.load_scene(SCENE), 4, boundary=False, max_depth=3, resolution=(24, 16)
     ).numpy()
     np.testing.assert_array_equal(wt.read_image(out).numpy(), expected)
-    assert run(["render", str(SCENE), "-o", str(out), "--size", "24x16", "--error", "1e-9"]) == 2
+    assert call("render --size 24x16 --error 1e-9", SCENE, "-o", out) == 2
     assert "is below what is tried" in capsys.readouterr().err
 
 
-FIT = ["--wrt", "spheres.sphere0.radius", "--spp", "1", "--iterations", "4"]
+RADIUS = "spheres.sphere0.radius"
+FIT = f"fit --wrt {RADIUS} --spp 1 --iterations 4"
+BALL = """
+# a ball
+background = [0.1, 0.2, 0.3]
+ambient = [1, 1, 1]
+max_depth = 1
+[camera]
+position = [0, 0, 4]
+look_at = [0, 0, 0]
+fov = 50
+resolution = [24, 24]
+[materials.red]
+color = [0.8, 0.3, 0.1]
+[[spheres]]
+center = [0, 0, 0]
+radius = 0.9   # a guess
+material = "red"
+"""
 
 
 @pytest.fixture
 def picture(tmp_path):
-    """A scene file of a ball, and its picture when the ball is a little larger."""
-    path = tmp_path / "start.toml"
-    path.write_text(
-        "# a ball\nbackground = [0.1, 0.2, 0.3]\nambient = [1, 1, 1]\nmax_depth = 1\n[camera]\nposition = [0, 0, 4]\n"
-        "look_at = [0, 0, 0]\nfov = 50\nresolution = [24, 24]\n[materials.red]\ncolor = [0.8, 0.3, 0.1]\n"
-        '[[spheres]]\ncenter = [0, 0, 0]\nradius = 0.9   # a guess\nmaterial = "red"\n'
-    )
-    target = tmp_path / "target.exr"
-    wt.write_image(
-        target, wt.render(wt.load_scene(path).replace({"spheres.sphere0.radius": 1.0}), 16)
-    )
-    return str(path), str(target)
+    """A scene file of a ball, and a picture of it with a slightly larger radius of 1."""
+    path, target = tmp_path / "start.toml", tmp_path / "target.exr"
+    path.write_text(BALL)
+    wt.write_image(target, wt.render(wt.load_scene(path).replace({RADIUS: 1.0}), 16))
+    return path, target
 
 
 def test_fit_writes_what_it_found(picture, tmp_path, capsys):
     out = tmp_path / "out"
-    assert run(["fit", *picture, *FIT, "-o", str(out)]) == 0
+    assert call(FIT, *picture, "-o", out) == 0
     text = capsys.readouterr().out
     assert re.search(r"spheres\.sphere0\.radius +(1\.00|0\.99)\d* \+- ", text)
     names = {
@@ -425,11 +377,9 @@ def test_fit_writes_what_it_found(picture, tmp_path, capsys):
     }
     assert {path.name for path in out.iterdir()} == names
     assert all(name in text for name in names)
-    scene = (out / "scene.toml").read_text()
-    assert "# a guess" in scene
-    assert wt.load_scene(out / "scene.toml").parameters()["spheres.sphere0.radius"].numpy()[
-        0
-    ] == pytest.approx(1, abs=0.01)
+    assert "# a guess" in (out / "scene.toml").read_text()
+    radius = wt.load_scene(out / "scene.toml").parameters()[RADIUS].numpy()[0]
+    assert radius == pytest.approx(1, abs=0.01)
     with Image.open(out / "animation.gif") as animation:
         assert animation.n_frames >= 2
         assert animation.size == (48, 24)
@@ -438,58 +388,26 @@ def test_fit_writes_what_it_found(picture, tmp_path, capsys):
 def test_fit_with_all_options(picture, tmp_path, capsys):
     mask = tmp_path / "mask.png"
     wt.write_image(mask, np.ones((24, 24, 3)))
-    options = [
-        "--bound",
-        "spheres.sphere0.radius=0.5:0.95",
-        "--mask",
-        str(mask),
-        "--gain",
-        "--method",
-        "adam",
-        "--starts",
-        "2",
-    ]
-    assert (
-        run(
-            [
-                "fit",
-                *picture,
-                *FIT,
-                *options,
-                "--depth",
-                "1",
-                "--size",
-                "24x24",
-                "-o",
-                str(tmp_path / "out"),
-            ]
-        )
-        == 0
-    )
+    words = f"{FIT} --bound {RADIUS}=0.5:0.95 --gain --method adam --starts 2 --seed 1 --depth 1"
+    words += " --size 24x24 --precision double"
+    assert call(words, *picture, "--mask", mask, "-o", tmp_path / "out") == 0
     assert "iterations; loss" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (
-            ["--wrt", "spheres.sphere0.radius", "--size", "8x8"],
-            "target: expected an image of 8 x 8 pixels",
-        ),
-        (["--wrt", "spheres.ball.radius"], "no parameter 'spheres.ball.radius'"),
-        (
-            ["--wrt", "spheres.sphere0.radius", "--bound", "spheres.sphere0.radius"],
-            "--bound: expected NAME=LOW:HIGH",
-        ),
-        (
-            ["--wrt", "spheres.sphere0.radius", "--bound", "spheres.sphere0.radius=1:2"],
-            "starts at 0.9, outside [1, 2]",
-        ),
-        (["--wrt", "materials.red.ior", "--iterations", "1"], "depends on none of the parameters"),
+        (f"--wrt {RADIUS} --size 8x8", "target: expected an image of 8 x 8 pixels"),
+        (f"--wrt {RADIUS} --size big", "--size: expected WIDTHxHEIGHT"),
+        ("--wrt spheres.ball.radius", "no parameter 'spheres.ball.radius'"),
+        (f"--wrt {RADIUS} --bound {RADIUS}", "--bound: expected NAME=LOW:HIGH"),
+        (f"--wrt {RADIUS} --bound {RADIUS}=1:2", "starts at 0.9, outside [1, 2]"),
+        (f"--wrt {RADIUS} --method newton", "'--method'"),
+        ("--wrt materials.red.ior --iterations 1", "depends on none of the parameters"),
     ],
 )
 def test_fit_refuses_bad_input(picture, tmp_path, capsys, options, message):
-    assert run(["fit", *picture, *options, "-o", str(tmp_path / "out")]) == 2
+    assert call(f"fit {options}", *picture, "-o", tmp_path / "out") == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
@@ -499,7 +417,7 @@ def test_fit_refuses_folders_that_it_cannot_write(picture, capsys):
         ("/no/such/folder", "there is no folder"),
         (picture[0], "is a file; name a folder"),
     ):
-        assert run(["fit", *picture, *FIT, "-o", out]) == 2
+        assert call(FIT, *picture, "-o", out) == 2
         assert message in capsys.readouterr().err
 
 
@@ -507,5 +425,5 @@ def test_fit_needs_its_extra(picture, tmp_path, capsys, monkeypatch):
     for module in ("tomlkit", "matplotlib.figure"):
         with monkeypatch.context() as patch:
             patch.setitem(sys.modules, module, None)
-            assert run(["fit", *picture, *FIT, "-o", str(tmp_path / "out")]) == 2
+            assert call(FIT, *picture, "-o", tmp_path / "out") == 2
         assert "pip install 'whitted[fit]'" in capsys.readouterr().err

@@ -1,25 +1,23 @@
-"""Pictures in diverging colours: their sizes, their colours, their scale, and what is printed on
-them.
-"""
+"""Pictures in diverging colours: size, colours, scale, and the text below the picture."""
 
 import numpy as np
 import pytest
 from drjit.llvm import ad
 from PIL import Image, ImageDraw
 
-from whitted.files.false_color import BAR, LINE, MARGIN, NEGATIVE, PAPER, POSITIVE, write_diverging
+from whitted.files.false_color import BAR, GREY, LINE, MARGIN, NEGATIVE, POSITIVE, write_diverging
 
 
 @pytest.fixture
 def ramp():
-    """From -2 to 2 in 401 columns, with channels that only their mean tells apart."""
+    """An image of 401 columns whose mean over the channels runs from -2 to 2."""
     values = np.broadcast_to(np.linspace(-2, 2, 401), (4, 401))
     return np.stack([values - 1, values + 3, values - 2], axis=-1)
 
 
 @pytest.fixture
 def printed(monkeypatch):
-    """What is drawn as text, with the box that it fills."""
+    """Each text that is drawn, with its bounding box."""
     texts, draw = {}, ImageDraw.ImageDraw.text
 
     def text(self, position, text, **options):
@@ -37,7 +35,8 @@ def read(path):
 
 def test_colors_of_a_ramp(tmp_path, ramp):
     scale, clipped = write_diverging(tmp_path / "a.png", ad.TensorXf64(ramp), "title")
-    # 99.5 % of 401 moduli, of which 2 are at either end: 1 of 200 steps and a bit below 2
+    # Steps are 0.01, and each absolute value but 0 occurs twice: the 99.5th percentile of 401 is
+    # 1 to 2 steps below 2, and at most 3 of 401 pixels lie beyond it
     assert scale == pytest.approx(1.98, abs=0.021)
     assert clipped == pytest.approx(0.005, abs=0.004)
     picture = read(tmp_path / "a.png")
@@ -65,13 +64,13 @@ def test_bar_has_the_colors_of_the_scale(tmp_path, ramp):
         (top, MARGIN - 1),
         (top, -MARGIN),
     ):
-        assert (picture[row, column] == PAPER).all()
+        assert (picture[row, column] == GREY).all()
 
 
 @pytest.mark.parametrize(
     "title", ["d image / d camera.fov", "d image / d " + "long_" * 60 + ".radius"]
 )
-def test_text_is_where_it_can_be_read(tmp_path, printed, title):
+def test_text_is_inside_and_does_not_overlap(tmp_path, printed, title):
     image = np.zeros((10, 24, 3))
     image[3, 4:8], image[5, 6] = 0.5, -9.0
     scale, clipped = write_diverging(tmp_path / "a.png", image, title)
@@ -84,18 +83,18 @@ def test_text_is_where_it_can_be_read(tmp_path, printed, title):
     assert boxes[:, 1].min() >= 10
     assert boxes[:, 2].max() <= width
     assert boxes[:, 3].max() <= height
-    # Left, middle, right, and none over another
+    # Left, middle and right do not overlap
     assert boxes[2, 2] < boxes[3, 0] < boxes[3, 2] < boxes[4, 0]
     top, bottom = 10 + MARGIN + LINE, 10 + MARGIN + LINE + BAR
     assert all(box[3] <= top or box[1] >= bottom for box in boxes)
 
 
-def test_narrow_image_is_in_the_middle_and_not_on_white(tmp_path):
+def test_narrow_image_is_centred_on_grey(tmp_path):
     write_diverging(tmp_path / "a.png", np.zeros((5, 8, 3)), "title")
     rows = read(tmp_path / "a.png")[:5]
     left = (rows.shape[1] - 8) // 2
     assert (rows[:, left : left + 8] == 255).all()
-    assert (np.delete(rows, np.s_[left : left + 8], axis=1) == PAPER).all()
+    assert (np.delete(rows, np.s_[left : left + 8], axis=1) == GREY).all()
 
 
 def test_image_without_scale(tmp_path, printed):
@@ -114,7 +113,7 @@ def test_rare_values_are_seen(tmp_path):
     assert (picture[7, left + 8] == 255).all()
 
 
-def test_no_numbers(tmp_path):
+def test_nan_and_infinity(tmp_path):
     image = np.ones((2, 4, 3), dtype=np.float32)
     image[0, 0], image[0, 1], image[0, 2] = np.nan, np.inf, -np.inf
     image[0, 3] = np.inf, -np.inf, 0
@@ -125,7 +124,7 @@ def test_no_numbers(tmp_path):
     assert write_diverging(tmp_path / "a.png", np.full((1, 1, 3), np.nan), "title") == (0, 1)
 
 
-def test_what_is_refused(tmp_path, monkeypatch):
+def test_bad_input_and_failed_writes(tmp_path, monkeypatch):
     with pytest.raises(ValueError, match=r"a\.exr: expected a file name that ends in \.png"):
         write_diverging(tmp_path / "a.exr", np.zeros((2, 2, 3)), "title")
     with pytest.raises(

@@ -1,4 +1,4 @@
-"""Image files: what is written comes back, and what is not an image is refused."""
+"""Image files: what is written is read back, and what is not an image is refused."""
 
 import stat
 
@@ -48,8 +48,7 @@ def test_png_is_srgb_of_the_clipped_values(tmp_path, pixels):
     assert (stored.shape, stored.dtype) == ((5, 7, 3), np.uint8)
     assert (stored[pixels <= 0] == 0).all()
     assert (stored[pixels >= 1] == 255).all()
-    # Half a step of 8 bits, where the encoding is steepest the inverse is flattest: 1 / (2 * 255)
-    # of the encoded value
+    # Rounding to 8 bits changes the encoded value by at most half a step of 1 / 255
     np.testing.assert_allclose(
         to_srgb(read_image(tmp_path / "a.png").numpy()), to_srgb(pixels), atol=0.5 / 255 + 1e-6
     )
@@ -79,7 +78,7 @@ def test_old_file_is_replaced_and_nothing_else_left(tmp_path, pixels, ending):
     assert stat.S_IMODE(path.stat().st_mode) & stat.S_IRUSR
 
 
-def test_failure_leaves_the_old_file(tmp_path, pixels, monkeypatch):
+def test_failed_write_keeps_the_old_file(tmp_path, pixels, monkeypatch):
     path = tmp_path / "a.png"
     path.write_bytes(b"old")
 
@@ -150,7 +149,7 @@ def test_not_rgb(tmp_path, pixels):
         read_image(tmp_path / "l.png")
 
 
-def test_alpha_is_left_out(tmp_path):
+def test_alpha_is_ignored(tmp_path):
     Image.fromarray(np.full((2, 2, 4), 255, np.uint8)).save(tmp_path / "a.png")
     np.testing.assert_array_equal(
         read_image(tmp_path / "a.png").numpy(), np.ones((2, 2, 3), np.float32)

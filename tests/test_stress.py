@@ -1,15 +1,16 @@
-"""The stress suite: every case, and that it notices what is wrong."""
+"""The stress suite: each case passes, and what is wrong is noticed and reported."""
 
 import csv
+import sys
 
 import numpy as np
 import pytest
 
 from whitted.cli import run
 from whitted.core.arrays import PRECISIONS
-from whitted.stress import optics, suite
+from whitted.stress import interface, report, suite
 from whitted.stress.case import Case, Chart, Check, Curve
-from whitted.stress.report import breaking, told_break
+from whitted.stress.report import break_index, describe_break
 
 
 @pytest.mark.parametrize("precision", PRECISIONS, ids=lambda precision: precision.name)
@@ -29,11 +30,11 @@ def test_every_case_of_the_list_is_there():
     "case", [case for case in suite.CASES if case.number in (1, 11, 14, 18)], ids=suite.slug
 )
 def test_charts_show_where_methods_break(case):
-    """Of two methods, or of two precisions, one breaks and the other does not, or does so later."""
+    """One method or precision breaks; another does not, or breaks elsewhere."""
     chart = case.chart()
-    told = [told_break(curve, chart) for curve in chart.curves]
-    assert any("breaks" in text for text in told)
-    assert len({text.partition(":")[2] for text in told}) > 1
+    breaks = [describe_break(curve, chart) for curve in chart.curves]
+    assert any("breaks" in text for text in breaks)
+    assert len({text.partition(":")[2] for text in breaks}) > 1
 
 
 def test_report(tmp_path, capsys):
@@ -43,7 +44,8 @@ def test_report(tmp_path, capsys):
     assert "6 results, 0 failed" in lines[-1]
     page = (tmp_path / "out" / "report.html").read_text()
     assert "1. tangent ray" in page
-    assert "src='01-tangent-ray.png'" in page
+    assert 'src="01-tangent-ray.png"' in page
+    assert '<span class="pass">all pass</span>' in page
     assert (tmp_path / "out" / "01-tangent-ray.png").read_bytes().startswith(b"\x89PNG")
     with (tmp_path / "out" / "results.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -51,15 +53,36 @@ def test_report(tmp_path, capsys):
     assert {row["result"] for row in rows} == {"pass"}
 
 
-def test_failure_is_told(tmp_path, capsys, monkeypatch):
+def test_text_is_escaped_in_the_report():
+    case = Case(1, "a<b>", "t > 0 & t < 1", "<i>", lambda precision: (), limit="'&'")
+    checks = Check("x < y", 0, 1), Check("p & q", 2, 1)
+    plots = {1: report.Plot("1.png", ['"t" > 0: holds', "a&b: holds"])}
+    page = report.report([suite.Result(case, "single", checks, 0.0)], plots)
+    for text in (
+        "1. a&lt;b&gt;</h2>",
+        "t &gt; 0 &amp; t &lt; 1",
+        "&lt;i&gt;",
+        "&#39;&amp;&#39;",
+        "x &lt; y</td>",
+        "p &amp; q</td>",
+        'alt="&#34;t&#34; &gt; 0: holds; a&amp;b: holds"',
+        "<details open>",
+    ):
+        assert text in page
+    assert "<i>" not in page
+
+
+def test_failure_is_reported(tmp_path, capsys, monkeypatch):
     """A reflectance that is off by 1e-4 fails in both precisions, and so does the command."""
-    right = optics.fresnel
-    monkeypatch.setattr(optics, "fresnel", lambda *args: right(*args) * 1.0001)
+    right = interface.fresnel
+    monkeypatch.setattr(interface, "fresnel", lambda *args: right(*args) * 1.0001)
     assert run(["stress", "9", "-o", str(tmp_path / "out")]) == 1
-    told = capsys.readouterr().out
-    assert told.count("FAIL") == 6  # a value and two derivatives, in two precisions
-    assert "2 results, 2 failed" in told
-    assert "<span class=FAIL>2 failed</span>" in (tmp_path / "out" / "report.html").read_text()
+    output = capsys.readouterr().out
+    assert output.count("FAIL") == 6  # a value and two derivatives, in two precisions
+    assert "2 results, 2 failed" in output
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert '<span class="FAIL">2 failed</span>' in page
+    assert page.count("<details open>") == 2
 
 
 def test_case_that_raises_fails():
@@ -79,11 +102,11 @@ def test_case_that_raises_fails():
 def test_check(error, bound, passed):
     check = Check("", error, bound)
     assert check.passed == passed
-    assert (check.share <= 1) == passed
+    assert (check.ratio <= 1) == passed
 
 
 @pytest.mark.parametrize(
-    ("errors", "at", "told"),
+    ("errors", "index", "text"),
     [
         ([1e-3, 1e-3], None, "holds"),
         ([1e-3, 1e-3, 1, 1e-3, 1], 2, "breaks at 3"),
@@ -92,11 +115,11 @@ def test_check(error, bound, passed):
         ([1, np.inf], 0, "broken throughout"),
     ],
 )
-def test_where_a_method_breaks(errors, at, told):
+def test_where_a_method_breaks(errors, index, text):
     curve = Curve("it", np.arange(1, len(errors) + 1), np.array(errors))
     chart = Chart("", "", "", (curve,), 0.1)
-    assert breaking(curve, chart) == at
-    assert told_break(curve, chart) == f"it: {told}"
+    assert break_index(curve, chart) == index
+    assert describe_break(curve, chart) == f"it: {text}"
 
 
 def test_unknown_case(tmp_path, capsys):
@@ -109,3 +132,17 @@ def test_folder_that_is_a_file(tmp_path, capsys):
     (tmp_path / "out").write_text("")
     assert run(["stress", "9", "-o", str(tmp_path / "out")]) == 2
     assert "is a file; name a folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("module", "command"),
+    [
+        ("matplotlib.figure", "pip install 'whitted[fit]'"),
+        ("jinja2", "pip install 'whitted[bench]'"),
+    ],
+)
+def test_missing_libraries(tmp_path, capsys, monkeypatch, module, command):
+    monkeypatch.setitem(sys.modules, module, None)
+    assert run(["stress", "9", "-o", str(tmp_path / "out")]) == 2
+    assert command in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -1,16 +1,16 @@
-"""The command line: parses, calls, prints errors; no logic of its own."""
+"""The command line: parses arguments, calls the library, and prints results and errors."""
 
 import hashlib
 import os
 import signal
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from enum import Enum
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from typer.exceptions import TyperException
@@ -23,67 +23,49 @@ app = typer.Typer(
     no_args_is_help=True,
 )
 
-
-class Precision(str, Enum):
-    single = "single"
-    double = "double"
-
-
-class Component(str, Enum):
-    x = "x"
-    y = "y"
-    z = "z"
-
-
-class Terms(str, Enum):
-    both = "both"
-    interior = "interior"
-    boundary = "boundary"
-
-
-class Method(str, Enum):
-    auto = "auto"
-    lm = "lm"
-    adam = "adam"
-
-
+# Options of several commands
 SceneFile = Annotated[Path, typer.Argument(help="The scene, a TOML file.")]
-Spp = Annotated[int, typer.Option(help="Samples a pixel, a perfect square.")]
+Spp = Annotated[int, typer.Option(help="Samples per pixel, a perfect square.")]
 Depth = Annotated[
-    int | None, typer.Option(help="Nodes on the longest chain of rays [default: the scene's].")
+    int | None,
+    typer.Option(help="Rays on the longest chain, the camera ray included [default: the scene's]."),
 ]
 Size = Annotated[
     str | None,
     typer.Option(metavar="WxH", help="Width and height in pixels [default: the scene's]."),
 ]
-AnyPrecision = Annotated[Precision, typer.Option(help="Of every computation.")]
+PrecisionName = Annotated[
+    Literal["single", "double"], typer.Option(help="Floating-point precision, float32 or float64.")
+]
+Folder = Annotated[
+    Path, typer.Option("-o", "--output", help="Folder for the results; made if it is not there.")
+]
 
 
 @app.command(
     epilog="Examples:  whitted render scenes/cornell.toml -o cornell.exr   |   "
-    "whitted render scenes/nested.toml -o nested.exr --spp 16 --depth 8 --size 1024x768 --precision double"
+    "whitted render scenes/nested.toml -o nested.exr --spp 16 --depth 8 --size 1024x768 "
+    "--precision double"
 )
 def render(
     scene: SceneFile,
     output: Annotated[
         Path,
-        typer.Option(
-            "-o", "--output", help="Image to write, .exr; a .png preview goes next to it."
-        ),
+        typer.Option("-o", "--output", help="Image to write, .exr; a .png goes next to it."),
     ],
     spp: Spp = 1,
     depth: Depth = None,
     size: Size = None,
-    precision: AnyPrecision = Precision.single,
+    precision: PrecisionName = "single",
     no_boundary: Annotated[
         bool, typer.Option("--no-boundary", help="Plain samples: fast, wrong at edges.")
     ] = False,
     error: Annotated[
         float | None,
-        typer.Option(help="Choose samples and edges for this relative error, as in 0.01."),
+        typer.Option(help="Choose --spp and --no-boundary for this relative error, as in 0.01."),
     ] = None,
 ) -> None:
-    """Render a scene to an EXR, with a PNG preview next to it."""
+    """Render a scene to an EXR, with a PNG next to it."""
     from . import load_scene
     from . import render as render_image
     from .files.images import clipped, write_image
@@ -92,27 +74,24 @@ def render(
     _check_output(output)
     boundary = not no_boundary
     if error is not None:
-        chosen = recommend(
-            load_scene(scene, precision.value), error, depth, _size(size) if size else None
-        )
+        chosen = recommend(load_scene(scene, precision), error, depth, _size(size))
         spp, boundary = chosen.spp, chosen.boundary
-        typer.echo(
-            f"for an error of {error:g}: spp {spp}, {'edges found' if boundary else 'plain samples'}"
-        )
+        method = "edges found" if boundary else "plain samples"
+        typer.echo(f"for an error of {error:g}: spp {spp}, {method}")
     image, metadata = _compute(
         partial(render_image, boundary=boundary), scene, spp, depth, size, precision
     )
     preview = output.with_suffix(".png")
     write_image(output, image, metadata)
     write_image(preview, image)
-    typer.echo(
-        f"wrote {output}, and {preview} as sRGB with {clipped(image):.2%} of its pixels clipped to [0, 1]"
-    )
+    share = f"{clipped(image):.2%} of its pixels clipped to [0, 1]"
+    typer.echo(f"wrote {output}, and {preview} as sRGB with {share}")
 
 
 @app.command(
-    epilog="Examples:  whitted gradient scenes/cornell.toml --wrt materials.glass.ior -o ior.exr   |   "
-    "whitted gradient scenes/cornell.toml --wrt spheres.ball.center --component x --terms boundary -o edges.exr"
+    epilog="Examples:  whitted gradient scenes/cornell.toml --wrt materials.glass.ior -o ior.exr"
+    "   |   whitted gradient scenes/cornell.toml --wrt spheres.ball.center --component x "
+    "--terms boundary -o edges.exr"
 )
 def gradient(
     scene: SceneFile,
@@ -121,174 +100,214 @@ def gradient(
     ],
     output: Annotated[
         Path,
-        typer.Option(
-            "-o", "--output", help="Derivative to write, .exr; a .png in colours goes next to it."
-        ),
+        typer.Option("-o", "--output", help="Derivative to write, .exr; a .png goes next to it."),
     ],
     component: Annotated[
-        Component | None,
+        Literal["x", "y", "z"] | None,
         typer.Option(help="Of a vector; x, y, z of a colour are red, green, blue."),
     ] = None,
     terms: Annotated[
-        Terms, typer.Option(help="What is between edges, what moving edges add, or both.")
-    ] = Terms.both,
+        Literal["both", "interior", "boundary"],
+        typer.Option(help="The derivative between edges, that of moving edges, or both."),
+    ] = "both",
     spp: Spp = 1,
     depth: Depth = None,
     size: Size = None,
-    precision: AnyPrecision = Precision.single,
+    precision: PrecisionName = "single",
 ) -> None:
-    """Write d image / d NAME as an EXR, with a PNG next to it: blue below 0, white at 0, red above."""
+    """Write d image / d NAME as an EXR, with a PNG in colours next to it.
+
+    In the PNG, blue is below 0, white is 0, and red is above 0.
+    """
     from . import gradient as differentiate
     from .files.false_color import write_diverging
     from .files.images import write_image
 
     _check_output(output)
-    derivative = partial(
-        differentiate, name=wrt, component=component and component.value, terms=terms.value
-    )
+    derivative = partial(differentiate, name=wrt, component=component, terms=terms)
     image, metadata = _compute(derivative, scene, spp, depth, size, precision)
-    number = f"{wrt}.{component.value}" if component else wrt
+    number = f"{wrt}.{component}" if component else wrt
     preview = output.with_suffix(".png")
-    write_image(output, image, {**metadata, "wrt": number, "terms": terms.value})
-    title = f"d image / d {number}" + ("" if terms is Terms.both else f", {terms.value} term")
+    write_image(output, image, {**metadata, "wrt": number, "terms": terms})
+    title = f"d image / d {number}" + ("" if terms == "both" else f", {terms} term")
     scale, clipped = write_diverging(preview, image, title)
     typer.echo(f"scale: {scale:.3g}, of the mean of the channels")
-    typer.echo(
-        f"wrote {output}, and {preview} from blue to red with {clipped:.2%} of its pixels clipped to the scale"
-    )
+    share = f"{clipped:.2%} of its pixels clipped to the scale"
+    typer.echo(f"wrote {output}, and {preview} from blue to red with {share}")
+
+
+# Options of `fit`
+Target = Annotated[Path, typer.Argument(help="The picture to match, .exr (linear) or .png (sRGB).")]
+Names = Annotated[
+    list[str], typer.Option(metavar="NAME", help="A parameter to recover; may be repeated.")
+]
+Bounds = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=LOW:HIGH", help="Its range; either end may be left out."),
+]
+Mask = Annotated[
+    Path | None, typer.Option(help="A picture that is black where the target does not count.")
+]
+Gain = Annotated[bool, typer.Option("--gain", help="Also fit the brightness of each channel.")]
+Method = Annotated[
+    Literal["auto", "lm", "adam"],
+    typer.Option(help="Levenberg-Marquardt, Adam, or by the number of parameters."),
+]
+Starts = Annotated[int, typer.Option(help="Starts to try: the scene's, and random ones around it.")]
+Seed = Annotated[int, typer.Option(help="Seed of the random starts.")]
+Iterations = Annotated[int | None, typer.Option(help="At each resolution, at most.")]
+PlainDerivatives = Annotated[
+    bool, typer.Option("--no-boundary", help="Derivatives of plain samples: wrong at edges.")
+]
 
 
 @app.command(
-    epilog="Examples:  whitted fit start.toml target.exr --wrt materials.glass.ior --starts 4 -o out   |   "
-    "whitted fit start.toml target.exr --wrt spheres.ball.radius --wrt lights.key.position --bound spheres.ball.radius=0.1:1 -o o"
+    epilog="Examples:  whitted fit start.toml target.exr --wrt materials.glass.ior --starts 4 "
+    "-o out   |   whitted fit start.toml target.exr --wrt spheres.ball.radius "
+    "--wrt lights.key.position --bound spheres.ball.radius=0.1:1 -o out"
 )
 def fit(
     scene: SceneFile,
-    target: Annotated[
-        Path, typer.Argument(help="The picture to match, .exr (linear) or .png (sRGB).")
-    ],
-    wrt: Annotated[
-        list[str], typer.Option(metavar="NAME", help="A parameter to recover; may be repeated.")
-    ],
-    output: Annotated[
-        Path,
-        typer.Option("-o", "--output", help="Folder for the recovered scene, pictures and plots."),
-    ],
-    bound: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=LOW:HIGH", help="Its range; either may be left out."),
-    ] = None,
-    mask: Annotated[
-        Path | None, typer.Option(help="A picture that is black where the target does not count.")
-    ] = None,
-    gain: Annotated[
-        bool, typer.Option("--gain", help="Fit the brightness of each channel along.")
-    ] = False,
-    method: Annotated[
-        Method, typer.Option(help="Levenberg-Marquardt, Adam, or by the number of parameters.")
-    ] = Method.auto,
-    starts: Annotated[
-        int, typer.Option(help="Places to start from, drawn around the scene's.")
-    ] = 1,
-    seed: Annotated[int, typer.Option(help="Of that draw.")] = 0,
-    iterations: Annotated[int | None, typer.Option(help="At each resolution, at most.")] = None,
+    target: Target,
+    wrt: Names,
+    output: Folder,
+    bound: Bounds = None,
+    mask: Mask = None,
+    gain: Gain = False,
+    method: Method = "auto",
+    starts: Starts = 1,
+    seed: Seed = 0,
+    iterations: Iterations = None,
     spp: Spp = 4,
     depth: Depth = None,
     size: Size = None,
-    precision: AnyPrecision = Precision.single,
-    no_boundary: Annotated[
-        bool, typer.Option("--no-boundary", help="Derivatives of samples alone: wrong at edges.")
-    ] = False,
+    precision: PrecisionName = "single",
+    no_boundary: PlainDerivatives = False,
 ) -> None:
-    """Recover parameters of a scene from a picture of it, and write the recovered scene and
-    pictures to a folder.
-    """
-    import warnings
+    """Recover parameters of a scene from a picture of it.
 
+    Writes the recovered scene, pictures and plots.
+    """
     from . import fit as recover
     from . import load_scene, read_image
     from .files.figures import figure_of
     from .inverse.report import write_recovery
     from .scene.rewrite import rewritten
 
-    start = load_scene(scene, precision.value)
-    picture, weights = (
-        read_image(target),
-        None if mask is None else read_image(mask).numpy().mean(2),
-    )
-    resolution = _size(size) if size else None
+    start, picture = load_scene(scene, precision), read_image(target)
+    weights = None if mask is None else read_image(mask).numpy().mean(2)
+    bounds, resolution = dict(map(_bound, bound or [])), _size(size)
     _check_folder(output)
-    # What is missing is better known before than after
+    # Find out that a library is missing before the fit, not after it
     rewritten(scene, {})
     figure_of(1)
-    with warnings.catch_warnings(record=True) as warned:
-        warnings.simplefilter("always")
+    options: dict[str, Any] = {"spp": spp, "boundary": not no_boundary, "max_depth": depth}
+    with _warnings_printed() as warned:
         result = recover(
             start,
             picture,
             wrt=wrt,
-            bounds=dict(map(_bound, bound or [])),
+            bounds=bounds,
             mask=weights,
             gain=gain,
-            method=method.value,
+            method=method,
             starts=starts,
             seed=seed,
             iterations=iterations,
-            spp=spp,
-            boundary=not no_boundary,
-            max_depth=depth,
             resolution=resolution,
+            **options,
         )
-    for warning in warned:
-        typer.echo(f"warning: {warning.message}", err=True)
     if len(warned) >= len(result.labels):
         raise ValueError(
-            f"{target}: the picture depends on none of the parameters to recover; nothing was written"
+            f"{target}: the picture depends on none of the parameters to recover; "
+            "nothing was written"
         )
-    options = {"spp": spp, "boundary": not no_boundary, "max_depth": depth}
     files = write_recovery(output, scene, start, picture, result, options)
-    for label, value, deviation in result.numbers():
-        typer.echo(f"{label:32} {value:.7g} +- {deviation:.2g}")
-    for note in result.notes:
-        typer.echo(f"note: {note}")
-    typer.echo(f"{result.stopped}, after {len(result.history)} iterations; loss {result.loss:.4g}")
+    _print_fit(result)
     typer.echo(f"wrote {', '.join(path.name for path in files)} to {output}")
 
 
 @app.command(epilog="Example:  whitted chart scenes/cornell.toml -o charts")
 def chart(
     scene: SceneFile,
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="Folder for the report, plots and numbers.")
-    ],
+    output: Folder,
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer samples, rounds and sizes.")
     ] = False,
-    size: Size = None,
+    size: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WxH",
+            help="Of the images whose errors are measured [default: 192x192, quick 96x96].",
+        ),
+    ] = None,
 ) -> None:
-    """Measure a scene's speed against its accuracy, and write a report; an interrupted run goes on
-    where it was.
+    """Measure a scene's speed against its accuracy, and write a report.
+
+    An interrupted run is resumed when the command is given again.
     """
     from . import __version__
     from .measure.chart import chart as measure
 
+    resolution = _size(size)
     _check_folder(output)
     with _progress_bar("measuring") as progress:
-        resolution = _size(size) if size else None
-        page = measure(
-            scene,
-            output,
-            __version__,
-            size=resolution,
-            quick=quick,
-            progress=lambda done, _: progress(done),
-        )
+        page = measure(scene, output, __version__, size=resolution, quick=quick, progress=progress)
     typer.echo(f"wrote {page}")
 
 
+@app.command(
+    epilog="Examples:  whitted stress -o stress   |   whitted stress 3 critical-angle -o stress",
+)
+def stress(
+    output: Folder,
+    cases: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[CASE]...", help="Numbers or names [default: all]."),
+    ] = None,
+) -> int:
+    """Run cases that are hard for ray tracers, in both precisions, and write a report.
+
+    The exit status is 1 if one fails.
+    """
+    from .stress import report, suite
+
+    chosen = suite.choose(cases or [])
+    _check_folder(output)
+    report.require_libraries()
+    output.mkdir(exist_ok=True)
+    typer.echo(suite.HEADER)
+    results = suite.run(chosen, lambda result: typer.echo(suite.line(result)))
+    *charts, _, page = report.write(output, results)
+    failed = sum(not result.passed for result in results)
+    typer.echo(f"{len(results)} results, {failed} failed; wrote {page} with {len(charts)} charts")
+    return 1 if failed else 0
+
+
+@app.command(epilog="Example:  whitted info")
+def info() -> None:
+    """Print the versions of Dr.Jit and LLVM, the number of threads, and what is missing."""
+    from . import __version__
+    from .measure import about
+
+    for name, value in {"whitted": __version__, **about.system()}.items():
+        typer.echo(f"{name + ':':14}{value}")
+
+
+def _size(text: str | None) -> tuple[int, int] | None:
+    """The width and height of --size, None where it is not given."""
+    if text is None:
+        return None
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal()):
+        raise ValueError(f"--size: expected WIDTHxHEIGHT, as in 640x480, got '{text}'")
+    return int(width), int(height)
+
+
 def _bound(text: str) -> tuple[str, tuple[float | None, float | None]]:
-    name, equals, pair = text.partition("=")
-    low, colon, high = pair.partition(":")
+    """The parameter, the lower and the upper end of --bound, None for an open end."""
+    name, equals, ends = text.partition("=")
+    low, colon, high = ends.partition(":")
     try:
         if not (equals and colon):
             raise ValueError
@@ -299,65 +318,8 @@ def _bound(text: str) -> tuple[str, tuple[float | None, float | None]]:
         ) from None
 
 
-def _check_folder(output: Path) -> None:
-    """Refuse a folder that could not be made or written to."""
-    if output.exists() and not output.is_dir():
-        raise ValueError(f"{output}: is a file; name a folder")
-    if not output.parent.is_dir():
-        raise ValueError(f"{output}: there is no folder '{output.parent}'; make it first")
-    if not os.access(output if output.exists() else output.parent, os.W_OK):
-        raise ValueError(f"{output}: cannot be written to; choose another folder")
-
-
-def _compute(
-    function: Callable,
-    scene: Path,
-    spp: int,
-    depth: int | None,
-    size: str | None,
-    precision: Precision,
-) -> tuple[Any, dict[str, str | int | float]]:
-    """Load a scene, make an image of it, print what that took; returns the image and how it was
-    made.
-    """
-    from . import __version__, load_scene
-    from .measure import timing
-    from .measure.about import features
-
-    loaded = load_scene(scene, precision.value)
-    start = time.perf_counter()
-    with timing.recorded() as kernels, _progress_bar() as progress:
-        resolution = _size(size) if size else None
-        image = function(loaded, spp=spp, max_depth=depth, resolution=resolution, progress=progress)
-    seconds = time.perf_counter() - start
-    height, width, _ = image.shape
-    depth = depth or loaded.max_depth
-    typer.echo(
-        f"{scene}: {width} x {height}, spp {spp}, depth {depth}, {precision.value} precision"
-    )
-    typer.echo(f"compiled in: {', '.join(features(loaded))}; {kernels.operations} operations")
-    typer.echo(
-        f"time: {kernels.compile_seconds:.3f} s compile, {kernels.run_seconds:.3f} s run, {seconds:.3f} s in all"
-    )
-    return image, {
-        "whitted": __version__,
-        "sceneSHA256": hashlib.sha256(scene.read_bytes()).hexdigest(),
-        "spp": spp,
-        "maxDepth": depth,
-        "precision": precision.value,
-        "renderSeconds": seconds,
-    }
-
-
-def _size(text: str) -> tuple[int, int]:
-    width, _, height = text.lower().partition("x")
-    if not (width.isdecimal() and height.isdecimal()):
-        raise ValueError(f"--size: expected WIDTHxHEIGHT, as in 640x480, got '{text}'")
-    return int(width), int(height)
-
-
 def _check_output(output: Path) -> None:
-    """Refuse what could not be written before time goes into it."""
+    """Refuse an image that could not be written, before time goes into it."""
     if output.suffix.lower() != ".exr":
         raise ValueError(f"{output}: expected a file name that ends in .exr")
     if not output.parent.is_dir():
@@ -371,10 +333,83 @@ def _check_output(output: Path) -> None:
             raise ValueError(f"{path}: is a folder; name a file")
 
 
+def _check_folder(output: Path) -> None:
+    """Refuse a folder that could not be made or written to, before time goes into its contents."""
+    if output.exists() and not output.is_dir():
+        raise ValueError(f"{output}: is a file; name a folder")
+    if not output.parent.is_dir():
+        raise ValueError(f"{output}: there is no folder '{output.parent}'; make it first")
+    if not os.access(output if output.exists() else output.parent, os.W_OK):
+        raise ValueError(f"{output}: cannot be written to; choose another folder")
+
+
+def _compute(
+    function: Callable[..., Any],
+    scene: Path,
+    spp: int,
+    depth: int | None,
+    size: str | None,
+    precision: str,
+) -> tuple[Any, dict[str, str | int | float]]:
+    """Load a scene, compute an image of it, and print how long that took.
+
+    Args:
+        function: takes the scene and options of `render`, and returns the image.
+
+    Returns:
+        The image, and how it was made, for the header of an EXR.
+    """
+    from . import __version__, load_scene
+    from .measure import timing
+    from .measure.about import features
+
+    loaded = load_scene(scene, precision)
+    resolution = _size(size)
+    start = time.perf_counter()
+    with timing.recorded() as kernels, _progress_bar("rendering") as progress:
+        image = function(loaded, spp=spp, max_depth=depth, resolution=resolution, progress=progress)
+    seconds = time.perf_counter() - start
+    height, width, _ = image.shape
+    depth = depth or loaded.max_depth
+    typer.echo(f"{scene}: {width} x {height}, spp {spp}, depth {depth}, {precision} precision")
+    typer.echo(f"compiled in: {', '.join(features(loaded))}; {kernels.operations} operations")
+    typer.echo(
+        f"time: {kernels.compile_seconds:.3f} s compile, {kernels.run_seconds:.3f} s run, "
+        f"{seconds:.3f} s in all"
+    )
+    return image, {
+        "whitted": __version__,
+        "sceneSHA256": hashlib.sha256(scene.read_bytes()).hexdigest(),
+        "spp": spp,
+        "maxDepth": depth,
+        "precision": precision,
+        "renderSeconds": seconds,
+    }
+
+
 @contextmanager
-def _progress_bar(title: str = "rendering") -> Iterator[Callable[[float], None]]:
-    """A callback for the fraction done, which shows a bar on standard error, where that is a
-    terminal, after a second.
+def _warnings_printed() -> Iterator[list[warnings.WarningMessage]]:
+    """Print the warnings of a block when it ends; yields the list that they are kept in."""
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        yield warned
+    for warning in warned:
+        typer.echo(f"warning: {warning.message}", err=True)
+
+
+def _print_fit(result: Any) -> None:
+    for label, value, deviation in result.numbers():
+        typer.echo(f"{label:32} {value:.7g} +- {deviation:.2g}")
+    for note in result.notes:
+        typer.echo(f"note: {note}")
+    typer.echo(f"{result.stopped}, after {len(result.history)} iterations; loss {result.loss:.4g}")
+
+
+@contextmanager
+def _progress_bar(title: str) -> Iterator[Callable[[float], None]]:
+    """A callback for the fraction done, which shows a bar on standard error.
+
+    The bar appears after a second, and only if standard error is a terminal.
     """
     from rich.console import Console
     from rich.progress import Progress
@@ -385,12 +420,8 @@ def _progress_bar(title: str = "rendering") -> Iterator[Callable[[float], None]]
         task = bar.add_task(title, total=1.0)
 
         def report(fraction: float) -> None:
-            if (
-                bar.disable
-                and console.is_terminal
-                and time.monotonic() - start > 1
-                and fraction < 1
-            ):
+            late = time.monotonic() - start > 1
+            if bar.disable and console.is_terminal and late and fraction < 1:
                 bar.disable = False
                 bar.start()
             bar.update(task, completed=fraction)
@@ -398,50 +429,13 @@ def _progress_bar(title: str = "rendering") -> Iterator[Callable[[float], None]]
         yield report
 
 
-@app.command(
-    epilog="Examples:  whitted stress -o stress   |   whitted stress 3 critical-angle -o stress",
-)
-def stress(
-    output: Annotated[
-        Path,
-        typer.Option("-o", "--output", help="Folder for report.html, results.csv and the charts."),
-    ],
-    cases: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="[CASE]...", help="Numbers or names [default: all]."),
-    ] = None,
-) -> int:
-    """Run the cases that are hard for ray tracers, in both precisions; the exit status is 1 where
-    one fails.
-    """
-    from .files.figures import figure_of
-    from .stress import report as stress_report
-    from .stress import suite
-
-    chosen = suite.choose(cases or [])
-    _check_folder(output)
-    figure_of(1)
-    output.mkdir(exist_ok=True)
-    typer.echo(suite.HEADER)
-    results = suite.run(chosen, lambda result: typer.echo(suite.line(result)))
-    *charts, _, page = stress_report.write(output, results)
-    failed = sum(not result.passed for result in results)
-    typer.echo(f"{len(results)} results, {failed} failed; wrote {page} with {len(charts)} charts")
-    return 1 if failed else 0
-
-
-@app.command(epilog="Example:  whitted info")
-def info() -> None:
-    """Tell which Dr.Jit, LLVM and threads are used, and what is missing."""
-    from . import __version__
-    from .measure import about
-
-    for name, value in {"whitted": __version__, **about.system()}.items():
-        typer.echo(f"{name + ':':14}{value}")
-
-
 def run(arguments: list[str]) -> int:
-    """Run a command; returns the exit status."""
+    """Run a command.
+
+    Returns:
+        The exit status: that of the command, 2 for an error, which is printed on standard error in
+        one line, and 130 after Ctrl-C.
+    """
     try:
         return app(arguments, prog_name="whitted", standalone_mode=False) or 0
     except TyperException as error:
@@ -466,7 +460,8 @@ def run(arguments: list[str]) -> int:
     return 2
 
 
-# Signals received: Dr.Jit may turn the exception of Ctrl-C into one of its own
+# Signals received. Dr.Jit may turn the KeyboardInterrupt of a callback into an error of its own, so
+# that the exception alone does not tell that Ctrl-C was pressed.
 _interrupts: list[int] = []
 
 
@@ -476,6 +471,8 @@ def _interrupt(number: int, _: object) -> None:
 
 
 def main() -> None:
+    """Run the command of this process's arguments, and exit with its status."""
+    # A shell that runs the process in the background has it ignore Ctrl-C; leave that as it is
     if signal.getsignal(signal.SIGINT) in (signal.SIG_DFL, signal.default_int_handler):
         signal.signal(signal.SIGINT, _interrupt)
     sys.exit(run(sys.argv[1:]))

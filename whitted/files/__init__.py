@@ -1,1 +1,1 @@
-"""Pictures and other files: written whole or not at all."""
+"""Images, plots, pages and text files; each is written whole or not at all."""

@@ -11,14 +11,15 @@ def atomically(path: Path, write: Callable[[Path], None]) -> None:
     """Write a file under a temporary name in the same folder, then rename it.
 
     Args:
-        write: writes the file that it is given.
+        path: the file; an old one is replaced only if all goes well.
+        write: a function that writes the file whose path it is given.
 
     Raises:
-        OSError: with the name of the file that was asked for; an old one is left as it was.
+        OSError: the file cannot be written; the error names `path`.
     """
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, "is a folder; name a file", str(path))
-    # The ending stays, as many writers go by it
+    # Keep the suffix: Pillow and matplotlib choose the format by it
     name = f".{path.stem}-{os.getpid()}-{secrets.token_hex(4)}{path.suffix.lower()}"
     temporary = path.with_name(name)
     try:
@@ -32,8 +33,8 @@ def atomically(path: Path, write: Callable[[Path], None]) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file in UTF-8, atomically."""
-    atomically(path, lambda temporary: _write(temporary, text))
 
+    def write(temporary: Path) -> None:
+        temporary.write_text(text, encoding="utf-8")
 
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
+    atomically(path, write)

@@ -1,6 +1,4 @@
-"""Pictures of values of both signs: blue below 0, white at 0, red above, with the scale printed
-below the picture.
-"""
+"""Signed values as colours: blue below 0, white at 0, red above, with a colour bar below."""
 
 import math
 from pathlib import Path
@@ -10,34 +8,36 @@ import numpy as np
 from .atomic import atomically
 from .images import rgb
 
-# The scale leaves the largest values out, so that one pixel does not turn all others white
+# Percentile of the absolute values that the scale ends at. Derivatives have rare, large values at
+# edges; a scale up to the largest would leave all other pixels nearly white.
 PERCENTILE = 99.5
-# The ends of the scale in sRGB; "RdBu" of ColorBrewer, which colour-blind people can read
+# sRGB colours of the scale's ends: "RdBu" of ColorBrewer, safe for colour-blind readers
 NEGATIVE, POSITIVE = np.array([33, 102, 172]), np.array([178, 24, 43])
-# Around the picture: not the white of 0
-PAPER = 225
-# In pixels: room around text, a line of text, the colour bar, and the least width for three numbers
+# Grey level around the picture: any but the white that stands for 0
+GREY = 225
+# Pixels: space around text, height of a line of text, height of the colour bar, and the least
+# width of the PNG, which has room for three numbers
 MARGIN, LINE, BAR, LEAST_WIDTH = 6, 15, 10, 180
 
 
 def write_diverging(path: str | Path, image: object, title: str) -> tuple[float, float]:
-    """Write the mean of an image's channels as a PNG in diverging colours, above a bar of them with
-    its title.
+    """Write the mean of an image's channels as a PNG in diverging colours, with a colour bar.
+
+    The colours run from -scale to +scale. The scale is the 99.5th percentile of the absolute
+    values, or the largest one where that percentile is 0.
 
     Args:
         path: ends in .png.
-        image: of shape (height, width, 3), a Dr.Jit tensor or what NumPy takes for an array; one
-            pixel of it is one of the PNG, black where it is not a number.
-        title: is printed above the bar.
+        image: of shape (height, width, 3), a Dr.Jit tensor or anything that NumPy converts to an
+            array. Each pixel becomes one pixel of the PNG; NaN is black.
+        title: printed above the colour bar.
 
     Returns:
-        The scale, and the fraction of the pixels that lie beyond it or are not numbers. The colours
-        run from -scale to +scale, the 99.5th percentile of the moduli, or the largest where that is
-        0.
+        The scale, and the fraction of the pixels that lie beyond it or are NaN.
 
     Raises:
-        ValueError: another ending, or another shape.
-        OSError: the file cannot be written; an old one is left as it was.
+        ValueError: another suffix, or another shape.
+        OSError: the file cannot be written; an old one stays as it was.
     """
     path = Path(path)
     if path.suffix.lower() != ".png":
@@ -54,11 +54,12 @@ def write_diverging(path: str | Path, image: object, title: str) -> tuple[float,
 
 
 def _scale(values: np.ndarray) -> float:
-    moduli = abs(values[np.isfinite(values)])
-    return float(np.percentile(moduli, PERCENTILE) or moduli.max()) if moduli.size else 0.0
+    sizes = abs(values[np.isfinite(values)])
+    return float(np.percentile(sizes, PERCENTILE) or sizes.max()) if sizes.size else 0.0
 
 
 def _colors(values: np.ndarray, scale: float) -> np.ndarray:
+    """The 8-bit sRGB colours of values, with one more axis; NaN is black."""
     t = (np.clip(values, -scale, scale) / (scale or 1.0))[..., None]
     colors = 255 - abs(t) * (255 - np.where(t < 0, NEGATIVE, POSITIVE))
     return np.where(np.isnan(t), 0, colors + 0.5).astype(np.uint8)
@@ -67,26 +68,28 @@ def _colors(values: np.ndarray, scale: float) -> np.ndarray:
 def _draw(
     path: Path, values: np.ndarray, scale: float, title: str, numbers: tuple[str, ...], note: str
 ) -> None:
+    """Write the PNG: from the top, the picture, the title, the bar, its numbers, and the note."""
     from PIL import Image, ImageDraw, ImageFont
 
     font = ImageFont.load_default()
     height, width = values.shape
-    wide = max(width, LEAST_WIDTH, math.ceil(font.getlength(title)) + 2 * MARGIN)
-    canvas = np.full((height + 2 * MARGIN + 3 * LINE + BAR, wide, 3), PAPER, dtype=np.uint8)
-    # The picture, a row at a time, which keeps the colours in floating point out of memory
-    left = (wide - width) // 2
+    full_width = max(width, LEAST_WIDTH, math.ceil(font.getlength(title)) + 2 * MARGIN)
+    canvas = np.full((height + 2 * MARGIN + 3 * LINE + BAR, full_width, 3), GREY, dtype=np.uint8)
+    # The picture, row by row: the colours of a large one take much memory in floating point
+    left = (full_width - width) // 2
     for row, out in zip(values, canvas, strict=False):
         out[left : left + width] = _colors(row, scale)
-    # The bar, of which each column has the colour of its own value
-    top, across = height + MARGIN + LINE, wide - 2 * MARGIN
-    canvas[top : top + BAR, MARGIN : MARGIN + across] = _colors(np.linspace(-1, 1, across), 1.0)
+    # The bar, each column in the colour of its value
+    top, bar_width = height + MARGIN + LINE, full_width - 2 * MARGIN
+    canvas[top : top + BAR, MARGIN : MARGIN + bar_width] = _colors(
+        np.linspace(-1, 1, bar_width), 1.0
+    )
     picture = Image.fromarray(canvas)
     draw = ImageDraw.Draw(picture)
-    # Text at the left, in the middle and at the right of the bar
+    # Text at the left (0), in the middle (0.5) and at the right (1) of the bar
     texts = [(height + MARGIN, 0.5, title), (top + BAR + LINE, 0.5, note)]
     texts += [(top + BAR, at, number) for at, number in zip((0, 0.5, 1), numbers, strict=True)]
     for y, at, text in texts:
-        draw.text(
-            (MARGIN + round(at * (across - font.getlength(text))), y), text, fill="black", font=font
-        )
+        x = MARGIN + round(at * (bar_width - font.getlength(text)))
+        draw.text((x, y), text, fill="black", font=font)
     picture.save(path)

@@ -1,13 +1,20 @@
-"""Plots, drawn without a display by matplotlib, which is an extra."""
+"""Plots, drawn without a display by matplotlib, an optional dependency."""
 
 from typing import Any
 
 
 def figure_of(rows: int, height: float = 3) -> tuple[Any, Any]:
-    """An empty figure with panels of some inches' height below each other, and the panels.
+    """An empty figure with panels below each other.
+
+    Args:
+        rows: the number of panels.
+        height: of each panel, in inches.
+
+    Returns:
+        The figure, and its panel, or an array of its panels if there are several.
 
     Raises:
-        RuntimeError: there is no matplotlib.
+        RuntimeError: matplotlib is not installed.
     """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg

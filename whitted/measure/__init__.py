@@ -1,1 +1,1 @@
-"""What this installation is, and how fast and accurate it is."""
+"""Measurements: kernels, times, errors, and reports of them."""

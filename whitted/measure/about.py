@@ -1,4 +1,4 @@
-"""What this installation consists of, for people and for bug reports."""
+"""Facts for people and bug reports: of this installation, and of a scene's kernel."""
 
 import os
 import re
@@ -25,9 +25,7 @@ from ..shapes import SHAPES
 
 
 def system() -> dict[str, str]:
-    """Versions, the libLLVM in use and why, vector width, threads and the folder of compiled
-    kernels.
-    """
+    """Versions, the libLLVM in use and why, vector width, threads, and where kernels are cached."""
     library = llvm.configure()
     cache = os.environ.get("DRJIT_CACHE_DIR") or Path.home() / ".drjit"
     return {
@@ -40,7 +38,7 @@ def system() -> dict[str, str]:
 
 
 def _vector_width() -> str:
-    """The width that a small kernel's code was generated for."""
+    """The width of the vectors in a small kernel's LLVM code."""
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         dr.kernel_history_clear()
         dr.eval(dr.opaque(Float, 1) + 1)
@@ -51,7 +49,7 @@ def _vector_width() -> str:
 
 
 def features(scene: Scene) -> list[str]:
-    """What a scene's kernel has compiled in."""
+    """The features of a scene that its kernel is compiled for."""
     counts = Counter(type(shape) for shape in scene.shapes)
     counted = [_count(counts[kind], kind.__name__.lower()) for kind in SHAPES if counts[kind]]
     lights, facts = scene.lights, scene.features

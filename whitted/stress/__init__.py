@@ -1,1 +1,1 @@
-"""Cases that are hard for ray tracers, with known answers."""
+"""The stress suite: cases that are hard for ray tracers, with known answers."""

@@ -1,4 +1,4 @@
-"""Hard cases of input: 30 and 31, scenes that make no sense, and fits that leave what does."""
+"""Hard cases of input: 30, scene files without a meaning, and 31, fits pushed out of bounds."""
 
 import math
 import tempfile
@@ -12,13 +12,18 @@ from ..inverse.fit import FitResult, fit
 from ..rendering.samples import render_samples
 from ..scene.files import SceneError, load_scene
 from ..scene.scene import Scene
-from .case import Case, Check, count
-from .scenes import GLASS, GLOW, SKY, WHITE, ball, camera, lamp, scene_of, wall
+from .arrays import count
+from .case import Case, Check
+from .scenes import GLASS, WHITE, WHITE_AMBIENT, WHITE_SKY, ball, camera, lamp, scene_of, wall
 
 VIEW = camera((0, 0, 4), (0, 0, 0), 40, (12, 12))
-GOOD = "".join(
+RADIUS, CENTER, INDEX = "spheres.ball.radius", "spheres.ball.center", "materials.glass.ior"
+
+# 30: scenes that make no sense
+
+VALID = "".join(
     [
-        GLOW,
+        WHITE_AMBIENT,
         VIEW,
         WHITE,
         GLASS,
@@ -27,8 +32,8 @@ GOOD = "".join(
         lamp((1, 3, 2)),
     ]
 )
-# What to write for what, and the place that the message is to name
-BAD = (
+# A part of the valid scene, what replaces it, and the place that the message must name
+INVALID = (
     ("radius = 0.8", "radius = nan", "spheres[0].radius"),
     ("radius = 0.8", "radius = inf", "spheres[0].radius"),
     ("radius = 0.8", "radius = 0", "spheres[0].radius"),
@@ -48,107 +53,91 @@ BAD = (
 def refused(p: Precision) -> Iterator[Check]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene.toml"
-        for old, new, place in BAD:
-            path.write_text(GOOD.replace(old, new, 1))
+        for old, new, place in INVALID:
+            path.write_text(VALID.replace(old, new, 1))
             try:
                 load_scene(path, p.name)
-                told = "nothing"
+                message = ""
             except SceneError as error:
-                told = str(error)
-            missing = sum(part not in told for part in (str(path), place))
-            yield Check(f"{new}: of file and path not named", missing, 0)
+                message = str(error)
+            missing = sum(part not in message for part in (str(path), place))
+            yield Check(f"{new}: file and place that the message lacks", missing, 0)
         yield Check("files left behind", len(list(Path(folder).iterdir())) - 1, 0)
 
 
-def _pushed(p: Precision) -> Iterator[tuple[str, Scene, list[str], Scene]]:
-    """Fits that a picture pushes out of what is legal: what, the start, the names, and the scene of
-    the picture.
-    """
-    shrinks = scene_of(p, GLOW, VIEW, WHITE, ball("ball", (0, 0, 0), 0.3, "white"))
-    yield (
-        "a radius through 0",
-        shrinks,
-        ["spheres.ball.radius"],
-        shrinks.replace({"spheres.ball.center": [0, 0, 9]}),
-    )
-    glass = scene_of(
-        p,
-        SKY,
-        VIEW,
-        GLASS,
-        WHITE,
-        ball("ball", (0, 0, 0), 1, "glass"),
-        ball("back", (0.2, 0, -3), 1, "white"),
-    )
-    thin = glass.replace({"materials.glass.ior": 1.02})
-    yield (
-        "an index through 1",
-        thin,
-        ["materials.glass.ior"],
-        glass.replace({"materials.glass.ior": 0.8}),
-    )
-    lit = scene_of(p, VIEW, WHITE, ball("ball", (0, 0, 0), 0.5, "white"), lamp((0, 0, 1.5)))
-    yield (
-        "a sphere over the light",
-        lit,
-        ["spheres.ball.center"],
-        lit.replace({"spheres.ball.center": [0, 0, 1.5]}),
-    )
-    near = scene_of(p, GLOW, VIEW, WHITE, ball("ball", (0, 0, 2.5), 0.5, "white"))
-    yield (
-        "a sphere over the camera",
-        near,
-        ["spheres.ball.center", "spheres.ball.radius"],
-        near.replace({"spheres.ball.center": [0, 0, 4]}),
-    )
+# 31: fits pushed out of bounds
 
 
 def pushed(p: Precision) -> Iterator[Check]:
-    for what, start, names, other in _pushed(p):
+    for what, start, names, other in _pushing_fits(p):
         target = render_samples(other, 4)
         for method in ("lm", "adam"):
             try:
                 found = fit(start, target, wrt=names, method=method, spp=4, iterations=15)
-                wrong = _wrong(found)
+                wrong = _illegal_numbers(found)
             except ValueError as error:
-                # An error is as good, if it says which parameter and when
+                # An error is as good, if it names the parameter and the iteration
                 wrong = float(not (names[0] in str(error) and "iteration" in str(error)))
             yield Check(f"{what}, {method}: numbers that are not finite or not legal", wrong, 0)
-    # A loop of one's own, whose optimiser knows no bounds
-    scene = scene_of(p, GLOW, VIEW, WHITE, GLASS, ball("ball", (0, 0, 0), 0.3, "glass"))
-    for name, value in (
-        ("spheres.ball.radius", 0),
-        ("materials.glass.ior", -0.1),
-        ("camera.fov", 180),
-        ("spheres.ball.center", [0, math.nan, 0]),
-    ):
-        parameter = scene.parameters(name)
-        parameter[name] = type(parameter[name])(value)
-        try:
-            scene.replace(parameter)
-            told = "nothing"
-        except ValueError as error:
-            told = str(error)
-        yield Check(f"{name} = {value}: not named", float(name not in told), 0)
+    yield from _illegal_replacements(p)
 
 
-def _wrong(found: FitResult) -> float:
-    """How many numbers of a fit are not finite, or outside what is legal."""
+def _pushing_fits(p: Precision) -> Iterator[tuple[str, Scene, list[str], Scene]]:
+    """Fits whose target pushes a parameter out of its legal range.
+
+    Yields:
+        The name of the fit, its start, the parameters to recover, and the scene of the target.
+    """
+    shrinking = scene_of(p, WHITE_AMBIENT, VIEW, WHITE, ball("ball", (0, 0, 0), 0.3, "white"))
+    unseen = shrinking.replace({CENTER: [0, 0, 9]})
+    yield "a radius through 0", shrinking, [RADIUS], unseen
+    sphere, back = ball("ball", (0, 0, 0), 1, "glass"), ball("back", (0.2, 0, -3), 1, "white")
+    glass = scene_of(p, WHITE_SKY, VIEW, GLASS, WHITE, sphere, back)
+    thin, thinner = glass.replace({INDEX: 1.02}), glass.replace({INDEX: 0.8})
+    yield "an index through 1", thin, [INDEX], thinner
+    lit = scene_of(p, VIEW, WHITE, ball("ball", (0, 0, 0), 0.5, "white"), lamp((0, 0, 1.5)))
+    yield "a sphere over the light", lit, [CENTER], lit.replace({CENTER: [0, 0, 1.5]})
+    near = scene_of(p, WHITE_AMBIENT, VIEW, WHITE, ball("ball", (0, 0, 2.5), 0.5, "white"))
+    around_camera = near.replace({CENTER: [0, 0, 4]})
+    yield "a sphere over the camera", near, [CENTER, RADIUS], around_camera
+
+
+def _illegal_numbers(found: FitResult) -> float:
+    """How many numbers of a fit are not finite or outside their legal range."""
     values = np.concatenate([step.x for step in found.history])
     losses = np.array([step.loss for step in found.history])
-    low = {"radius": 0.0, "ior": 1.0}
+    least = {"radius": 0.0, "ior": 1.0}
     below = sum(
-        float(np.min(value)) < low.get(name.rpartition(".")[2], -math.inf)
+        float(np.min(value)) < least.get(name.rpartition(".")[2], -math.inf)
         for name, value in found.parameters.items()
     )
     return count(~np.isfinite(values)) + count(~np.isfinite(losses)) + below
+
+
+def _illegal_replacements(p: Precision) -> Iterator[Check]:
+    """What `Scene.replace` says to an optimiser that knows no bounds."""
+    scene = scene_of(p, WHITE_AMBIENT, VIEW, WHITE, GLASS, ball("ball", (0, 0, 0), 0.3, "glass"))
+    for name, value in (
+        (RADIUS, 0),
+        (INDEX, -0.1),
+        ("camera.fov", 180),
+        (CENTER, [0, math.nan, 0]),
+    ):
+        parameters = scene.parameters(name)
+        parameters[name] = type(parameters[name])(value)
+        try:
+            scene.replace(parameters)
+            message = ""
+        except ValueError as error:
+            message = str(error)
+        yield Check(f"{name} = {value}: not named by the message", float(name not in message), 0)
 
 
 CASES = (
     Case(
         30,
         "scenes that make no sense",
-        "refused at load with file and path; nothing is written",
+        "refused by a message that names file and place; nothing is written",
         "Exact.",
         refused,
     ),

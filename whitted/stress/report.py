@@ -1,10 +1,8 @@
-"""What the stress suite leaves behind: charts, a table of all checks as CSV, and a page that shows
-both.
-"""
+"""The report of the stress suite: a page, charts, and a CSV of all checks."""
 
 import csv
-import html
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,175 +10,140 @@ import numpy as np
 
 from ..files.atomic import atomically, write_text
 from ..files.figures import figure_of
-from .case import Chart, Curve
+from ..files.pages import page_template
+from .case import Case, Chart, Curve
 from .suite import Result, slug
 
-# Zeros have no place among powers of ten: they are drawn here
-FLOOR = 1e-18
-STYLE = """body { font: 15px/1.5 sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em }
-table { border-collapse: collapse } td, th { padding: .1em .8em .1em 0; text-align: left; vertical-align: top }
-.FAIL { color: #b2182b; font-weight: bold } .pass { color: #1a7837 } img { max-width: 100% } details { margin: .5em 0 }"""
+# A logarithmic axis has no place for errors of 0; they are drawn here, below any rounding error
+LEAST_ERROR = 1e-18
+COLUMNS = "number", "case", "precision", "check", "error", "bound", "result", "seconds of the case"
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A file with the chart of a case, and where each of its methods breaks, in words."""
+
+    file: str
+    breaks: list[str]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A case in the page."""
+
+    case: Case
+    results: list[Result]
+    plot: Plot | None
+
+
+def require_libraries() -> None:
+    """Find out that a library is missing before the cases run, not after them.
+
+    Raises:
+        RuntimeError: matplotlib or Jinja2 is not installed.
+    """
+    figure_of(1)
+    page_template(__package__, "report.html")
 
 
 def write(folder: Path, results: Sequence[Result]) -> list[Path]:
-    """Write charts, `results.csv` and `report.html`.
+    """Write the charts, `results.csv` and `report.html`.
 
     Returns:
-        The files, the report last.
+        The files, the page last.
     """
-    files: list[Path] = []
-    charts: dict[int, tuple[str, list[str]]] = {}
+    plots: dict[int, Plot] = {}
     for case in dict.fromkeys(result.case for result in results):
         if case.chart is not None:
             chart = case.chart()
-            path = folder / f"{case.number:02d}-{slug(case)}.png"
-            atomically(path, lambda temporary, chart=chart: draw(temporary, chart))  # type: ignore[misc]
-            charts[case.number] = path.name, [told_break(curve, chart) for curve in chart.curves]
-            files.append(path)
+            name = f"{case.number:02d}-{slug(case)}.png"
+            draw(folder / name, chart)
+            plots[case.number] = Plot(name, [describe_break(c, chart) for c in chart.curves])
     table, page = folder / "results.csv", folder / "report.html"
     atomically(table, lambda temporary: _write_csv(temporary, results))
-    text = _page(results, charts)
-    write_text(page, text)
-    return [*files, table, page]
+    write_text(page, report(results, plots))
+    return [*(folder / plot.file for plot in plots.values()), table, page]
 
 
-def breaking(curve: Curve, chart: Chart) -> int | None:
-    """Where a method breaks: the first point, coming from the side where it works, with an error
-    above what is tolerated.
+def break_index(curve: Curve, chart: Chart) -> int | None:
+    """Where a method breaks: the first error above the tolerance, from the side where it works.
 
     Returns:
-        The point's place in the curve; None where it never breaks.
+        The index in the curve; None where the method never breaks.
     """
-    broken = ~(np.asarray(curve.y, np.float64) <= chart.broken)
+    broken = _broken(curve, chart)
     if not broken.any():
         return None
-    rising = broken[-1] or not broken[0]
-    return int(np.flatnonzero(broken)[0] if rising else np.flatnonzero(broken)[-1])
+    breaks_upward = broken[-1] or not broken[0]
+    return int(np.flatnonzero(broken)[0 if breaks_upward else -1])
 
 
-def told_break(curve: Curve, chart: Chart) -> str:
+def describe_break(curve: Curve, chart: Chart) -> str:
     """Where a method breaks, in words."""
-    at = breaking(curve, chart)
-    if at is None:
+    index = break_index(curve, chart)
+    if index is None:
         return f"{curve.label}: holds"
-    if not (np.asarray(curve.y, np.float64) <= chart.broken).any():
+    if _broken(curve, chart).all():
         return f"{curve.label}: broken throughout"
-    return f"{curve.label}: breaks at {curve.x[at]:.2g}"
+    return f"{curve.label}: breaks at {curve.x[index]:.2g}"
+
+
+def _broken(curve: Curve, chart: Chart) -> np.ndarray:
+    """Which errors are above the tolerance or NaN."""
+    return ~(np.asarray(curve.y, np.float64) <= chart.tolerance)
 
 
 def draw(path: Path, chart: Chart) -> None:
-    """Draw a chart: errors in powers of ten, a ring where each method breaks."""
+    """Draw a chart: errors on a logarithmic axis, with a ring where each method breaks."""
     figure, axes = figure_of(1, 5)
-    for k, curve in enumerate(chart.curves):
-        _draw_curve(axes, curve, chart, k)
-    axes.axhline(
-        chart.broken,
-        color="gray",
-        linestyle=":",
-        linewidth=1,
-        label=f"broken above {chart.broken:g}",
-    )
-    axes.set(
-        title=chart.title,
-        xlabel=chart.x,
-        ylabel=chart.y,
-        yscale="log",
-        xscale="linear" if chart.linear else "log",
-    )
+    for curve in chart.curves:
+        _draw_curve(axes, curve, chart)
+    label = f"tolerance: {chart.tolerance:g}"
+    axes.axhline(chart.tolerance, color="gray", linestyle=":", linewidth=1, label=label)
+    xscale = "linear" if chart.linear else "log"
+    axes.set(title=chart.title, xlabel=chart.x, ylabel=chart.y, xscale=xscale, yscale="log")
     axes.grid(alpha=0.25)
     axes.legend(fontsize=7.5)
-    figure.savefig(path, dpi=110)
+    atomically(path, lambda temporary: figure.savefig(temporary, dpi=110))
 
 
-def _draw_curve(axes: Any, curve: Curve, chart: Chart, k: int) -> None:
-    y = np.maximum(np.asarray(curve.y, np.float64), FLOOR)
-    at = breaking(curve, chart)
-    # One dash for each precision, so that a method keeps its colour only if it is alone
-    (drawn,) = axes.plot(
-        curve.x,
-        y,
-        "--" if "double" in curve.label else "-",
-        marker=".",
-        markersize=4,
-        label=told_break(curve, chart),
-    )
-    if at is not None and np.isfinite(y[at]):
-        axes.plot(curve.x[at], y[at], "o", markersize=10, fillstyle="none", color=drawn.get_color())
+def _draw_curve(axes: Any, curve: Curve, chart: Chart) -> None:
+    y = np.maximum(np.asarray(curve.y, np.float64), LEAST_ERROR)
+    # Single precision is solid, double dashed
+    style = "--" if "double" in curve.label else "-"
+    label = describe_break(curve, chart)
+    (line,) = axes.plot(curve.x, y, style, marker=".", markersize=4, label=label)
+    index = break_index(curve, chart)
+    if index is not None and np.isfinite(y[index]):
+        ring = {"markersize": 10, "fillstyle": "none", "color": line.get_color()}
+        axes.plot(curve.x[index], y[index], "o", **ring)
 
 
 def _write_csv(path: Path, results: Sequence[Result]) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(
-            [
-                "number",
-                "case",
-                "precision",
-                "check",
-                "error",
-                "bound",
-                "result",
-                "seconds of the case",
-            ]
-        )
+        writer.writerow(COLUMNS)
         for result in results:
+            case, seconds = result.case, f"{result.seconds:.2f}"
             for check in result.checks:
-                verdict = "pass" if check.passed else "FAIL"
                 numbers = f"{check.error:.6e}", f"{check.bound:.6e}"
-                writer.writerow(
-                    [
-                        result.case.number,
-                        result.case.name,
-                        result.precision,
-                        check.what,
-                        *numbers,
-                        verdict,
-                        f"{result.seconds:.2f}",
-                    ]
-                )
+                verdict = "pass" if check.passed else "FAIL"
+                start = case.number, case.name, result.precision, check.what
+                writer.writerow([*start, *numbers, verdict, seconds])
 
 
-def _page(results: Sequence[Result], charts: dict[int, tuple[str, list[str]]]) -> str:
-    cases = list(dict.fromkeys(result.case for result in results))
-    failed = sum(not result.passed for result in results)
-    checks = sum(len(result.checks) for result in results)
-    verdict = (
-        f"<span class=FAIL>{failed} failed</span>" if failed else "<span class=pass>all pass</span>"
-    )
-    parts = [
-        f"<!doctype html><html lang=en><meta charset=utf-8><title>whitted: stress suite</title><style>{STYLE}</style>",
-        "<h1>Where ray tracing is hard</h1>",
-        f"<p>{len(cases)} cases in float32 and float64, {checks} checks: {verdict}. Each bound is argued from "
-        "floating point, next to its case; ulp is the spacing of a precision's numbers. All figures: "
-        "<a href=results.csv>results.csv</a>.</p>",
+def report(results: Sequence[Result], plots: Mapping[int, Plot]) -> str:
+    """The page as HTML.
+
+    Args:
+        plots: by the number of their case.
+    """
+    sections = [
+        Section(case, [one for one in results if one.case is case], plots.get(case.number))
+        for case in dict.fromkeys(result.case for result in results)
     ]
-    for case in cases:
-        own = [result for result in results if result.case is case]
-        parts.append(f"<h2 id=case{case.number}>{case.number}. {html.escape(case.name)}</h2>")
-        parts.append(f"<p>Right: {html.escape(case.answer)}.<br>Bound: {html.escape(case.why)}")
-        parts.append(
-            f"<br>Limit of single precision: {html.escape(case.limit)}.</p>"
-            if case.limit
-            else "</p>"
-        )
-        parts += [_table(result) for result in own]
-        if case.number in charts:
-            name, breaks = charts[case.number]
-            parts.append(
-                f"<p><img src='{name}' alt='{html.escape('; '.join(breaks), quote=True)}'></p>"
-            )
-    return "\n".join(parts) + "\n</html>\n"
-
-
-def _table(result: Result) -> str:
-    verdict = "pass" if result.passed else "FAIL"
-    tight = result.tightest
-    head = f"{result.precision}: <span class={verdict}>{verdict}</span>, {len(result.checks)} checks; nearest to its bound: "
-    head += f"{html.escape(tight.what)}, {tight.error:.2e} of {tight.bound:.2e}"
-    rows = "".join(
-        f"<tr><td>{html.escape(check.what)}<td>{check.error:.2e}<td>{check.bound:.2e}"
-        f"<td class={'pass' if check.passed else 'FAIL'}>{'pass' if check.passed else 'FAIL'}</tr>"
-        for check in result.checks
+    return page_template(__package__, "report.html").render(
+        sections=sections,
+        checks=sum(len(result.checks) for result in results),
+        failed=sum(not result.passed for result in results),
     )
-    opened = "" if result.passed else " open"
-    return f"<details{opened}><summary>{head}</summary><table><tr><th>check<th>error<th>bound<th></tr>{rows}</table></details>"

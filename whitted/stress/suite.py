@@ -1,4 +1,4 @@
-"""The stress suite: which cases there are, running them, and what came of it."""
+"""The stress suite: its cases, and running them."""
 
 import difflib
 import time
@@ -8,10 +8,36 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import PRECISIONS
-from . import edges, images, input, optics, paths, rays
+from . import (
+    edges,
+    glass_sphere,
+    input,
+    interface,
+    media,
+    mirrors,
+    origins,
+    photon,
+    placement,
+    rays,
+    small_edges,
+    transforms,
+)
 from .case import Case, Check
 
-MODULES = (rays, optics, paths, images, edges, input)
+MODULES = (
+    rays,
+    origins,
+    transforms,
+    interface,
+    glass_sphere,
+    mirrors,
+    photon,
+    media,
+    placement,
+    edges,
+    small_edges,
+    input,
+)
 CASES: tuple[Case, ...] = tuple(
     sorted((case for module in MODULES for case in module.CASES), key=lambda case: case.number)
 )
@@ -19,7 +45,7 @@ CASES: tuple[Case, ...] = tuple(
 
 @dataclass(frozen=True)
 class Result:
-    """What a case gave in one precision."""
+    """The checks of a case in one precision."""
 
     case: Case
     precision: str
@@ -33,11 +59,11 @@ class Result:
     @property
     def tightest(self) -> Check:
         """The check that is nearest to its bound, or farthest beyond it."""
-        return max(self.checks, key=lambda check: (not check.passed, check.share))
+        return max(self.checks, key=lambda check: (not check.passed, check.ratio))
 
 
 def choose(names: Sequence[str], cases: Sequence[Case] = CASES) -> list[Case]:
-    """The cases of these numbers or names, in the suite's order; all without any.
+    """The cases of these numbers or names, in the suite's order; all if there are none.
 
     Args:
         names: numbers, or names with spaces or hyphens between words.
@@ -50,17 +76,21 @@ def choose(names: Sequence[str], cases: Sequence[Case] = CASES) -> list[Case]:
     for name in names:
         key = name.strip().lower().replace(" ", "-")
         if key not in known:
-            slugs = [slug(case) for case in cases]
-            near = difflib.get_close_matches(key, slugs, n=3, cutoff=0.4)
-            told = f"nearest: {', '.join(near)}" if near else f"there are {', '.join(slugs)}"
-            raise ValueError(
-                f"there is no stress case '{name}'; {told}; or a number from {cases[0].number} to {cases[-1].number}"
-            )
+            raise ValueError(_no_such_case(name, key, cases))
         wanted.append(known[key])
     return [case for case in cases if case in wanted] if names else list(cases)
 
 
+def _no_such_case(name: str, key: str, cases: Sequence[Case]) -> str:
+    slugs = [slug(case) for case in cases]
+    near = difflib.get_close_matches(key, slugs, n=3, cutoff=0.4)
+    names = f"nearest: {', '.join(near)}" if near else f"there are {', '.join(slugs)}"
+    numbers = f"a number from {cases[0].number} to {cases[-1].number}"
+    return f"there is no stress case '{name}'; {names}; or {numbers}"
+
+
 def slug(case: Case) -> str:
+    """A case's name for files and the command line, such as "ball-lens"."""
     return case.name.lower().replace(" ", "-")
 
 
@@ -70,10 +100,11 @@ def run(
     """Run cases in both precisions.
 
     Args:
-        report: called with each result as it comes.
+        report: called with each result as it is found.
 
     Returns:
-        A result for each case and precision; a case that raises fails with what it said.
+        A result for each case and precision. A case that raises an exception has a failed check of
+        the exception's message.
     """
     results = []
     for case in cases:
@@ -82,25 +113,27 @@ def run(
             try:
                 for check in case.checks(precision):
                     checks.append(check)
-            except (
-                Exception
-            ) as error:  # whatever a case does wrong is its own failure, and not that of the suite
+            # Whatever a case raises is its own failure, and must not end the suite
+            except Exception as error:
                 checks.append(Check(f"{type(error).__name__}: {error}", np.nan, 0))
             results.append(Result(case, precision.name, tuple(checks), time.perf_counter() - start))
             report(results[-1])
     return results
 
 
+NAME_WIDTH = max(len(case.name) for case in CASES)
+HEADER = (
+    f"{'':>3} {'case':{NAME_WIDTH}} {'':6} {'error':>9} {'bound':>9} {'':4}  "
+    "of the check nearest to its bound"
+)
+
+
 def line(result: Result) -> str:
-    """A result as a line of the table, of the check that is nearest to its bound; each failed check
-    has one of its own.
-    """
-    case = f"{result.case.number:>3} {result.case.name:24} {result.precision:6}"
+    """A line of the table under `HEADER`, or one for each failed check."""
+    case = f"{result.case.number:>3} {result.case.name:{NAME_WIDTH}} {result.precision:6}"
     failed = [check for check in result.checks if not check.passed] or [result.tightest]
     return "\n".join(
-        f"{case} {check.error:9.2e} {check.bound:9.2e} {'pass' if check.passed else 'FAIL'}  {check.what}"
+        f"{case} {check.error:9.2e} {check.bound:9.2e} "
+        f"{'pass' if check.passed else 'FAIL'}  {check.what}"
         for check in failed
     )
-
-
-HEADER = f"{'':>3} {'case':24} {'':6} {'error':>9} {'bound':>9} {'':4}  of the check nearest to its bound"
