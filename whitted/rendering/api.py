@@ -23,11 +23,12 @@ def render(
 
     Args:
         spp: samples a pixel, a perfect square n * n; they sit on a regular n x n grid.
-        error: choose spp and boundary so that the relative error (RMSE over the image's root mean
-            square) is at most this, and the cost is least; takes the place of both.
-        boundary: find the edges between samples, which corrects the pixels and adds to the
-            derivatives what moving edges contribute [default]; False gives plain samples and their
-            derivatives, which miss it.
+        error: choose spp and boundary so that the image's relative error is at most this, at the
+            least cost. The relative error is the root mean square of the error over that of the
+            image.
+        boundary: find the edges between samples, correct the pixels by them, and add to the
+            derivatives what moving edges contribute [default]. False gives plain samples and their
+            derivatives, which miss that.
         terms: of the derivatives: "both", or only the "interior" or the "boundary" term of their
             sum.
         max_depth: nodes on the longest chain of rays, in place of the scene's.
@@ -40,6 +41,10 @@ def render(
 
     Raises:
         ValueError: an argument is out of range, or the image does not fit in memory.
+
+    Example:
+        >>> scene = whitted.load_scene("scenes/cornell.toml")
+        >>> image = whitted.render(scene, spp=4)
     """
     if error is not None:
         for name, given in (("spp", spp != 1), ("boundary", boundary is not None)):

@@ -41,6 +41,9 @@ def gradient(
         KeyError: a name that the scene does not have; the message lists the nearest ones.
         ValueError: a component that the parameter does not have, a vector without one, or what
             `render` refuses.
+
+    Example:
+        >>> by_x = whitted.gradient(scene, "spheres.ball.center", "x", spp=4)
     """
     values = dr.detach(scene.parameters(name))
     tangent = _unit(name, values[name], component)

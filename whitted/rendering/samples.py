@@ -34,26 +34,7 @@ def render_samples(
     resolution: tuple[int, int] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Array:
-    """Render a scene, differentiably in the parameters that `Scene.replace` gave it.
-
-    Args:
-        spp: samples a pixel, a perfect square n * n; they sit on a regular n x n grid.
-        boundary: find the edges between samples, which corrects the pixels and adds to the
-            derivatives what moving edges contribute; False gives plain samples and their
-            derivatives, which miss it.
-        terms: of the derivatives: "both", or only the "interior" or the "boundary" term of their
-            sum.
-        max_depth: nodes on the longest chain of rays, in place of the scene's.
-        resolution: width and height in pixels, in place of the scene's.
-        progress: called with the fraction done, in (0, 1], after each band of rows.
-
-    Returns:
-        Linear RGB radiance, a `TensorXf` (`TensorXf64` in double precision) of shape (height,
-        width, 3).
-
-    Raises:
-        ValueError: an argument is out of range, or the image does not fit in memory.
-    """
+    """`render` with a given number of samples: its arguments, its result and its errors."""
     if terms not in TERMS or (terms != "both" and not boundary):
         raise ValueError(
             f"terms: expected one of {', '.join(TERMS)}, with boundary=True, got {terms!r}"
