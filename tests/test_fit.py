@@ -10,7 +10,7 @@ import whitted as wt
 from whitted.inverse import fit as fit_module
 from whitted.inverse.bounds import bounds_of, scales_of
 from whitted.inverse.loss import Objective, split
-from whitted.inverse.views import view
+from whitted.inverse.views import checked_view
 
 BALL = """
 background = [0.1, 0.2, 0.3]
@@ -103,7 +103,7 @@ def test_halved_targets_are_pictures_at_half_the_resolution(ball):
     its samples' error.
     """
     fine, coarse = (wt.render(ball, 64, resolution=size).numpy() for size in ((64, 48), (32, 24)))
-    halved = view(ball, fine, None, (64, 48), "").halved()
+    halved = checked_view(ball, fine, None, (64, 48), "").halved()
     assert np.abs(halved.target - coarse).max() < 2e-3
 
 
@@ -139,7 +139,7 @@ def test_second_derivatives_and_gradients_agree(ball, target):
     mask = np.linspace(0.5, 2, 24 * 32).reshape(24, 32)
     sizes = {"spheres.ball.center": 3, "lights.light0.intensity": 3}
     options = {"spp": 1, "boundary": True, "max_depth": None}
-    views = (view(ball, target, mask, None, ""),)
+    views = (checked_view(ball, target, mask, None, ""),)
     objective = Objective(views, tuple(sizes), tuple(sizes.values()), options, gain=True)
     x = np.array([0.5, 0.2, -0.3, 0.7, 0.6, 0.5])
     loss, slope, _ = objective.normal_equations(x)

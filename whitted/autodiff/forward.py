@@ -4,12 +4,11 @@ A node is a small function of its ray and the scene, and a tree of nodes is the 
 intermediate image is stored, whatever the depth.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import drjit as dr
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Parameters
 from ..core.ray import Ray
 from ..scene.scene import Scene
 from ..tracing.intersect import closest_hit
@@ -19,8 +18,6 @@ from ..tracing.shading import emitted
 from ..tracing.surface import surface
 from .changed import changed
 from .propagate import push_forward
-
-Parameters = Mapping[str, Array]
 
 
 @dataclass

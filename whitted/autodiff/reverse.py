@@ -11,7 +11,7 @@ from typing import Any
 
 import drjit as dr
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Parameters
 from ..core.ray import Ray
 from ..scene.features import branches_out, reflects
 from ..scene.scene import Scene
@@ -24,8 +24,6 @@ from ..tracing.stack import Stack
 from ..tracing.surface import surface
 from .changed import Changed, changed
 from .propagate import pull_back
-
-Parameters = dict[str, Array]
 
 
 @dataclass

@@ -10,6 +10,8 @@ from drjit.llvm import ad
 
 # A Dr.Jit array. Its concrete type depends on the precision, and is derived from the arguments.
 Array = Any
+# Values of parameters, or their derivatives, by name
+Parameters = dict[str, Array]
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,9 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
 
+# The value of one parameter
+Numbers = tuple[float, ...]
+
 # The largest number that is taken: squares of all lengths, and their reciprocals, fit single
 # precision
 LARGEST = 1e18

@@ -9,7 +9,7 @@ import drjit as dr
 import numpy as np
 from drjit.llvm import ad
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Parameters
 from ..core.host import chunks, stacked, to_array, to_lanes, to_numpy
 from ..sampling import kernels as film_kernels
 from ..sampling import points
@@ -25,9 +25,8 @@ from .quadrature import Extra
 from .tables import concatenated, deposit, rows_of
 
 TERMS = ("both", "interior", "boundary")
-# Edges: NumPy arrays by the names of the fields of their paths and events
-Numbers = dict[str, np.ndarray]
-Parameters = dict[str, Array]
+# Edges, as NumPy arrays by the names of the fields of their paths and events
+Columns = dict[str, np.ndarray]
 FilmInputs = tuple[Structure, Parameters, Film, Limits, Parameters]
 Part = TypeVar("Part", Path, Event)
 # Fields of materials that weigh rays
@@ -43,7 +42,7 @@ class MovingPoints:
     pixel: np.ndarray  # (2, N)
     change: np.ndarray  # (2, N), in units of the jump
     jump: np.ndarray  # (3, N)
-    edge: Numbers
+    edge: Columns
 
 
 @dataclass
@@ -172,11 +171,11 @@ def _unsigned(pixel: np.ndarray) -> np.ndarray:
     return pixel.astype(np.uint32)
 
 
-def _edge(numbers: Numbers) -> Edge:
+def _edge(columns: Columns) -> Edge:
     """Edges as Dr.Jit arrays."""
-    return Edge(_part(Path, numbers), _part(Event, numbers))
+    return Edge(_part(Path, columns), _part(Event, columns))
 
 
-def _part(kind: type[Part], numbers: Numbers) -> Part:
+def _part(kind: type[Part], columns: Columns) -> Part:
     """An edge's path or event."""
-    return kind(**{column.name: to_lanes(numbers[column.name]) for column in fields(kind)})
+    return kind(**{column.name: to_lanes(columns[column.name]) for column in fields(kind)})

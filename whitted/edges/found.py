@@ -9,7 +9,7 @@ import numpy as np
 from ..core.arrays import Array
 from ..sampling.band import Band
 from . import settings
-from .correction import Correction, MovingPoints, Numbers
+from .correction import Columns, Correction, MovingPoints
 from .events import Kind
 from .grid import Samples
 from .motion import Edge
@@ -24,7 +24,7 @@ class Crossed:
 
     pairs: Pairs
     crossings: Crossings
-    edge: Numbers
+    edge: Columns
 
 
 @dataclass(frozen=True)
@@ -93,8 +93,8 @@ class Found:
         weights: Array = dr.empty(self.band.structure.precision.real, inner.size)
         regular = weights.numpy().reshape(inner.shape)
         np.subtract(1, inner, out=regular)
-        rows, columns_of = self.refined // columns, self.refined % columns
-        regular.reshape(self.band.rows, side, columns, side)[rows, :, columns_of] = 0
+        rows, places = self.refined // columns, self.refined % columns
+        regular.reshape(self.band.rows, side, columns, side)[rows, :, places] = 0
         return weights
 
 
@@ -107,7 +107,7 @@ def _moving(crossed: Crossed) -> MovingPoints:
     return MovingPoints(x, y, here.pixel, change, found.jump, crossed.edge)
 
 
-def numbers_of(edge: Edge, which: np.ndarray) -> Numbers:
+def columns_of(edge: Edge, which: np.ndarray) -> Columns:
     """Some of the edges, with NumPy arrays, by the fields of their paths and events."""
     columns = vars(edge.path) | vars(edge.event)
     return {name: column[which] for name, column in columns.items()}

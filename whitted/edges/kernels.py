@@ -7,10 +7,10 @@ of inputs may differ from call to call.
 import drjit as dr
 from drjit.llvm import ad
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Parameters
 from ..core.frozen import frozen
 from ..core.pytree import leaves, like
-from ..sampling.differentiated import Forward, Parameters, Reverse, prepare
+from ..sampling.differentiated import Forward, Reverse, prepare
 from ..sampling.film import Film, sample_ray
 from ..sampling.kernels import accumulate
 from ..sampling.points import in_lanes, of_pixel

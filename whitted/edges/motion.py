@@ -8,15 +8,13 @@ import drjit as dr
 from ..autodiff.forward import Tangent, attached
 from ..autodiff.propagate import pull_back, push_forward
 from ..autodiff.reverse import Adjoint, Place, Tree, Waiting, added, walk_back
-from ..core.arrays import Array
+from ..core.arrays import Array, Parameters
 from ..core.ray import Ray
 from ..scene.features import reflects
 from ..scene.scene import Scene
 from ..tracing.node import FIRST, Limits, Link, Node, visit
 from .events import Event, board_place, level_function
 from .paths import Path
-
-Parameters = dict[str, Array]
 
 
 @dataclass

@@ -9,7 +9,7 @@ from ..core.arrays import Array
 from ..core.host import chunks, stacked, to_numpy
 from ..sampling.band import Band
 from . import kernels, settings
-from .found import Crossed, Found, numbers_of
+from .found import Crossed, Found, columns_of
 from .grid import Samples, band_samples, fine_samples, neighbours_across_edges
 from .locate import Crossing, Segment
 from .pairs import Crossings, Moves, Pairs, interleaved, pairs_of
@@ -119,7 +119,7 @@ class _Search:
                     behind=crossing.behind.take(lane),
                 )
                 groups.append(found)
-                edges.append(numbers_of(crossing.edge, lane))
+                edges.append(columns_of(crossing.edge, lane))
         if any(groups):
             edge = {name: np.concatenate([edge[name] for edge in edges]) for name in edges[0]}
             self.crossed.append(Crossed(pairs, concatenated(groups), edge))

@@ -43,12 +43,12 @@ def views_of(
     """The views that `fit` is given: one scene with its target, or several pairs or triples.
 
     Raises:
-        ValueError: they are neither, or what `view` refuses.
+        ValueError: they are neither, or what `checked_view` refuses.
     """
     if isinstance(scene, Scene):
         if target is None:
             raise ValueError("target: expected an image, got None")
-        return [view(scene, target, mask, resolution)]
+        return [checked_view(scene, target, mask, resolution)]
     if target is not None or mask is not None:
         raise ValueError(
             "target: with several views, give each as (scene, target) or (scene, target, mask)"
@@ -57,7 +57,7 @@ def views_of(
     if not given or not all(_is_view(one) for one in given):
         raise ValueError("scene: expected a scene, or pairs (scene, target)")
     return [
-        view(one[0], one[1], one[2] if len(one) == 3 else None, resolution, f"view {k}: ")
+        checked_view(one[0], one[1], one[2] if len(one) == 3 else None, resolution, f"view {k}: ")
         for k, one in enumerate(given)
     ]
 
@@ -66,7 +66,7 @@ def _is_view(one: object) -> bool:
     return isinstance(one, tuple) and len(one) in (2, 3) and isinstance(one[0], Scene)
 
 
-def view(
+def checked_view(
     scene: Scene, target: object, mask: object, resolution: Resolution | None, where: str = ""
 ) -> View:
     """A checked view.

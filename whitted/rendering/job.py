@@ -7,7 +7,7 @@ import drjit as dr
 import numpy as np
 from drjit.llvm import ad
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Parameters
 from ..edges.found import Found
 from ..edges.search import correct
 from ..edges.settings import LEAST_WEIGHT
@@ -21,8 +21,6 @@ from ..tracing.node import Limits
 # Samples in a band: enough to keep all cores busy, and few enough to report progress, and to stop,
 # between two bands
 BAND = 1 << 22
-
-Parameters = dict[str, Array]
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,12 @@ from dataclasses import replace
 import drjit as dr
 
 from ..autodiff.propagate import pull_back, push_forward
-from ..core.arrays import Array
+from ..core.arrays import Array, Parameters
 from ..core.ray import Ray
 from ..scene.scene import Scene
 from ..scene.structure import Structure
 from ..tracing.primary import CameraFrame, camera_frame
 
-Parameters = dict[str, Array]
 RayOf = Callable[[CameraFrame], Ray]
 # Takes a scene, sums of derivatives, parameters as wide as the wavefront, and rays. Returns the
 # sums with those of the rays added, and the derivatives by the rays' origins and directions

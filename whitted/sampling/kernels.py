@@ -12,12 +12,12 @@ from drjit.llvm import ad
 
 from ..autodiff.forward import radiance_jvp
 from ..autodiff.reverse import radiance_vjp
-from ..core.arrays import Array
+from ..core.arrays import Array, Parameters
 from ..core.frozen import frozen
 from ..scene.structure import Structure
 from ..tracing.node import Limits
 from ..tracing.recursion import radiance
-from .differentiated import Forward, Parameters, Reverse, prepare
+from .differentiated import Forward, Reverse, prepare
 from .film import Film, next_sample, pixel, sample_ray
 
 # Lanes of the reverse kernel. Each takes many pixels, so that few sums are left to add up

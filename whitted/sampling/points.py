@@ -8,12 +8,12 @@ import drjit as dr
 
 from ..autodiff.forward import radiance_jvp
 from ..autodiff.reverse import radiance_vjp
-from ..core.arrays import Array
+from ..core.arrays import Array, Parameters
 from ..core.frozen import frozen
 from ..scene.structure import Structure
 from ..tracing.node import Limits
 from ..tracing.primary import image_ray
-from .differentiated import Forward, Parameters, Reverse
+from .differentiated import Forward, Reverse
 
 # The pixel of what is outside of the band
 NOWHERE = 0xFFFFFFFF

@@ -9,9 +9,7 @@ import drjit as dr
 import numpy as np
 
 from ..core.arrays import Array
-from ..core.parameter import OVERSTEP, Parameter, parameters_of
-
-Numbers = tuple[float, ...]
+from ..core.parameter import OVERSTEP, Numbers, Parameter, parameters_of
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 import drjit as dr
 
 from ..core.arrays import Array, Precision, precision_of
-from ..core.parameter import ANY, NON_NEGATIVE, parameter, parameters_of
+from ..core.parameter import ANY, NON_NEGATIVE, Numbers, parameter, parameters_of
 from ..lights import Light
 from ..shapes import SHAPES, Shape
 from ..shapes.sets import ShapeSet, sets_of
@@ -18,7 +18,6 @@ from .features import Features, features_of
 from .material import Material
 from .parameters import (
     Location,
-    Numbers,
     as_parameter,
     check_names,
     check_numbers,

@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 import drjit as dr
 
 from ..core.arrays import Array
-from ..core.parameter import parameters_of
+from ..core.parameter import Numbers, parameters_of
 from ..core.ray import Ray, ShadowRay
-from .shape import Numbers, Shape
+from .shape import Shape
 
 Own = TypeVar("Own", bound="FlatShape")
 

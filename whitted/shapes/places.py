@@ -2,7 +2,8 @@
 
 from collections.abc import Hashable, Iterable, Sequence
 
-from .shape import Numbers, Shape
+from ..core.parameter import Numbers
+from .shape import Shape
 
 
 def told_by_places(

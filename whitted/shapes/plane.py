@@ -8,9 +8,8 @@ from functools import lru_cache
 import drjit as dr
 
 from ..core.arrays import Array
-from ..core.parameter import DIRECTION, Scale, parameter
+from ..core.parameter import DIRECTION, Numbers, Scale, parameter
 from .flat import FlatShape
-from .shape import Numbers
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,10 @@ from collections.abc import Hashable
 from typing import ClassVar, TypeVar
 
 from ..core.arrays import Array
+from ..core.parameter import Numbers
 from ..core.ray import Ray, ShadowRay
 
 Own = TypeVar("Own", bound="Shape")
-# Of one parameter
-Numbers = tuple[float, ...]
 
 
 class Shape(ABC):

@@ -12,9 +12,9 @@ import drjit as dr
 
 from ..core.arrays import Array
 from ..core.numerics import two_sum
-from ..core.parameter import POSITIVE, Scale, parameter
+from ..core.parameter import POSITIVE, Numbers, Scale, parameter
 from ..core.ray import Ray, ShadowRay
-from .shape import Numbers, Shape
+from .shape import Shape
 
 # An eye closer to a sphere than this part of the radius needs compensated sums: the level there is
 # a difference of squares, which loses five bits of 24 at 1/32. A larger part makes more scenes
