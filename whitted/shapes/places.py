@@ -1,6 +1,7 @@
 """What the numbers of shapes tell of their primitives, before a ray is traced."""
 
 from collections.abc import Hashable, Iterable, Sequence
+from functools import lru_cache
 
 from ..core.parameter import Numbers
 from .shape import Shape
@@ -22,8 +23,17 @@ def told_by_places(
     places: dict[Hashable, int] = {}
     hidden, compensated = set(), set()
     for k, (shape, own) in enumerate(zip(shapes, numbers, strict=True)):
-        if places.setdefault((shape.group, shape.place(*own)), k) != k:
+        place, careful = _told(type(shape), eye, *own)
+        if places.setdefault(place, k) != k:
             hidden.add(k)
-        if eye is not None and shape.needs_compensation(eye, *own):
+        if careful:
             compensated.add(k)
     return frozenset(hidden), frozenset(compensated)
+
+
+# From one step of an optimiser to the next, most shapes stay where they are
+@lru_cache(maxsize=1 << 12)
+def _told(kind: type[Shape], eye: Numbers | None, *numbers: Numbers) -> tuple[Hashable, bool]:
+    """A shape's place among all kinds, and whether it needs compensated sums."""
+    careful = eye is not None and kind.needs_compensation(eye, *numbers)
+    return (kind, kind.place(*numbers)), careful

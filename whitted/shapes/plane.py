@@ -3,7 +3,6 @@
 import math
 from collections.abc import Hashable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import drjit as dr
 
@@ -38,9 +37,9 @@ class Plane(FlatShape):
         return dr.dot(self.normal, d)
 
     @classmethod
-    @lru_cache
-    def place(cls, normal: Numbers, offset: Numbers) -> Hashable:
+    def place(cls, *numbers: Numbers) -> Hashable:
         """A plane that is turned over has the opposite offset, too."""
+        normal, offset = numbers
         length = math.hypot(*normal)
         place = (*(x / length for x in normal), *offset)
         return max(place, tuple(-x for x in place))
