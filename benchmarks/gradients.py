@@ -150,6 +150,7 @@ class Derivative:
         import drjit as dr
         from drjit.llvm import ad
 
+        from whitted.core.host import to_lanes
         from whitted.edges.kernels import labelled_samples
         from whitted.tracing.node import Limits
 
@@ -174,7 +175,7 @@ class Derivative:
             lattice, place = np.divmod(np.arange(points), points // len(LATTICES))
             across = (place + (lattice + 0.5) / len(LATTICES)) / (points // len(LATTICES))
             along = (place * np.sqrt(LATTICES)[lattice] / 2) % 1
-            at = ad.Float64(x + across), ad.Float64(y + along)
+            at = to_lanes(x + across), to_lanes(y + along)
             dr.make_opaque(size, limits, at)
             ahead, back = (
                 labelled_samples(*moved(sign * factor), size, limits, *at)[0] for sign in (1, -1)

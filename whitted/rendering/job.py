@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import drjit as dr
-import numpy as np
 from drjit.llvm import ad
 
 from ..core.arrays import Array, Parameters
@@ -89,14 +88,16 @@ class Job:
         for first, rows in self.bands():
             pixels = kernel(first, rows)
             if rows < height:
-                whole = np.empty(height * width * 3, precision.dtype) if first == 0 else whole
-                whole[first * width * 3 : (first + rows) * width * 3] = pixels.numpy()
+                if first == 0:
+                    whole = dr.empty(precision.real, height * width * 3)
+                    memory = whole.numpy()
+                memory[first * width * 3 : (first + rows) * width * 3] = pixels.numpy()
             else:
                 whole = pixels
             if self.progress is not None:
                 dr.sync_thread()
                 self.progress((first + rows) / height)
-        return precision.tensor(precision.real(whole), (height, width, 3))
+        return precision.tensor(whole, (height, width, 3))
 
 
 @dataclass(frozen=True)
