@@ -1,8 +1,8 @@
-"""Random legal scenes of a few shapes, as numbers: scenes of one shape share their kernels.
+"""Scenes of a few layouts, as numbers: scenes of one layout share their kernels.
 
-A scene is a dictionary from the name of a parameter to NumPy numbers, which `Shape.scene` makes a
-scene of. Every sphere has a material of its own, so that spheres can change places without a kernel
-of their own.
+A scene is a dictionary from the name of a parameter to a NumPy number or vector, which `scene_of`
+makes a scene of. `strategies.scenes` draws such dictionaries. Every sphere and every plane has a
+material of its own, so that they can change places without a kernel of their own.
 """
 
 from dataclasses import dataclass, replace
@@ -10,16 +10,15 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import numpy as np
 from gradcheck import as_type
-from samples import plane, sphere
+from samples import camera, keys, light, material, plane, sphere
 
-HEAD = "[camera]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\nup = {up}\nfov = 50\nresolution = [24, 24]\n"
-LIGHT = 'intensity = [1, 1, 1]\nfalloff = "{}"'
-UP = np.array([0.1, 1.0, -0.2])
+# It is compiled, and no camera of `strategies.scenes` looks along it
+UP = np.array([0.13, 1.0, -0.21])
 
 
 @dataclass(frozen=True)
-class Shape:
-    """What is compiled: how many of everything, and which materials and lights are of which kind."""
+class Layout:
+    """What is compiled: how many there are of everything, and the kinds of materials and lights."""
 
     spheres: int
     planes: int
@@ -27,35 +26,74 @@ class Shape:
     fresnel: tuple[bool, ...] = (False, True)  # of the materials, in turns
 
     @property
-    def text(self):
-        """A scene file of this shape; its numbers are only there to be replaced."""
-        materials = self.spheres + self.planes
-        flags = [str(self.fresnel[i % len(self.fresnel)]).lower() for i in range(materials)]
-        return "\n".join(
-            [
-                HEAD.format(up=UP.tolist()),
-                *(f"[materials.m{i}]\nfresnel = {flag}" for i, flag in enumerate(flags)),
-                *(sphere([float(i), 0, 0], 0.3, f"m{i}") for i in range(self.spheres)),
-                *(plane([0, 1, 0], 2 + i, f"m{self.spheres + i}") for i in range(self.planes)),
-                *(
-                    f"[[lights]]\nposition = [1, 2, {i}]\n{LIGHT.format(self.falloff(i))}"
-                    for i in range(self.lights)
-                ),
-            ]
-        )
+    def materials(self):
+        """For each material, first those of spheres, whether it obeys the Fresnel equations."""
+        count = self.spheres + self.planes
+        return [self.fresnel[i % len(self.fresnel)] for i in range(count)]
 
     @staticmethod
     def falloff(light):
         return ("none", "inverse-square")[light % 2]
 
+    def text(self, numbers):
+        """A scene file with these numbers."""
 
-SHAPES = {
-    "nothing": Shape(0, 0, 0),
-    "floor": Shape(0, 1, 1),
-    "ball": Shape(1, 0, 2),
-    "glass": Shape(3, 1, 1, (False,)),
-    "mixed": Shape(5, 2, 2),
-    "crowd": Shape(12, 0, 2, (True, False, False)),
+        def of(group, name):
+            """The numbers of one thing."""
+            prefix = f"{group}.{name}."
+            return {key[len(prefix) :]: numbers[key] for key in numbers if key.startswith(prefix)}
+
+        own = self.spheres
+        return "".join(
+            [
+                keys(background=numbers["background"], ambient=numbers["ambient"]),
+                camera(
+                    numbers["camera.position"],
+                    numbers["camera.look_at"],
+                    numbers["camera.fov"],
+                    (24, 24),
+                    UP,
+                ),
+                *(
+                    material(f"m{i}", fresnel=fresnel, **of("materials", f"m{i}"))
+                    for i, fresnel in enumerate(self.materials)
+                ),
+                *(
+                    sphere(**of("spheres", f"sphere{i}"), material=f"m{i}")
+                    for i in range(self.spheres)
+                ),
+                *(
+                    plane(**of("planes", f"plane{i}"), material=f"m{own + i}")
+                    for i in range(self.planes)
+                ),
+                *(
+                    light(**of("lights", f"light{i}"), falloff=self.falloff(i))
+                    for i in range(self.lights)
+                ),
+            ]
+        )
+
+    @property
+    def plain_text(self):
+        """A scene file of this layout; its numbers are only there to be replaced."""
+        numbers = {"background": [0, 0, 0], "ambient": [0, 0, 0], "camera.position": [0, 0, 5]}
+        numbers |= {"camera.look_at": [0, 0, 0], "camera.fov": 50}
+        for i in range(self.spheres):
+            numbers |= {f"spheres.sphere{i}.center": [i, 0, 0], f"spheres.sphere{i}.radius": 0.3}
+        for i in range(self.planes):
+            numbers |= {f"planes.plane{i}.normal": [0, 1, 0], f"planes.plane{i}.offset": 2 + i}
+        for i in range(self.lights):
+            numbers |= {f"lights.light{i}.position": [1, 2, i]}
+        return self.text(numbers)
+
+
+LAYOUTS = {
+    "nothing": Layout(0, 0, 0),
+    "floor": Layout(0, 1, 1),
+    "ball": Layout(1, 0, 2),
+    "glass": Layout(3, 1, 1, (False,)),
+    "mixed": Layout(5, 2, 2),
+    "crowd": Layout(12, 0, 2, (True, False, False)),
 }
 
 
@@ -68,107 +106,25 @@ def scene_of(loaded, numbers):
     return loaded.replace(values)
 
 
-def random_numbers(shape, seed, beside=0.0):
-    """Anything legal: spheres in each other's way, of radii from 1e-3 to 1e3, and lights and the
-    camera anywhere.
-
-    Args:
-        beside: how far those that are on a surface are off it, relative to its radius; a rounding
-            decides where 0 is.
-    """
-    rng = np.random.default_rng(seed)
-    wild = rng.random() < 0.3
-    extent = 10 ** rng.uniform(-2, 2)
-    radii = 10 ** (
-        rng.uniform(-3, 3, shape.spheres)
-        if wild
-        else rng.uniform(-1.5, 0, shape.spheres) + np.log10(extent)
-    )
-    radii = np.clip(radii, 1e-3, 1e3)
-    centers = rng.uniform(-1, 1, (shape.spheres, 3)) * extent
-    numbers = {"background": rng.uniform(0, 1, 3), "ambient": rng.uniform(0, 0.5, 3)}
-    for i in range(shape.spheres):
-        numbers |= {f"spheres.sphere{i}.center": centers[i], f"spheres.sphere{i}.radius": radii[i]}
-    for i in range(shape.planes):
-        normal = rng.normal(size=3)
-        numbers[f"planes.plane{i}.normal"] = normal / np.linalg.norm(normal)
-        numbers[f"planes.plane{i}.offset"] = rng.uniform(-1, 3) * extent
-    for i in range(shape.spheres + shape.planes):
-        numbers |= {f"materials.m{i}.{key}": value for key, value in _material(rng).items()}
-    for i in range(shape.lights):
-        position = _place(rng, centers, radii, extent, beside)
-        numbers |= {
-            f"lights.light{i}.position": position,
-            f"lights.light{i}.intensity": rng.uniform(0, 2, 3),
-        }
-    position = _place(rng, centers, radii, extent, beside)
-    look_at = position + rng.normal(size=3) * extent
-    return numbers | {
-        "camera.position": position,
-        "camera.look_at": look_at,
-        "camera.fov": rng.uniform(10, 150),
-    }
-
-
-def _material(rng):
-    def maybe(x):
-        return x if rng.random() < 0.7 else 0.0
-
-    return {
-        "color": rng.uniform(0, 1, 3),
-        "specular": maybe(rng.uniform(0, 1)),
-        "shininess": 10 ** rng.uniform(0, 2.5),
-        "reflection": maybe(rng.uniform(0, 1)),
-        "refraction": maybe(rng.uniform(0, 1)),
-        "ior": rng.uniform(0.5, 2.5) if rng.random() < 0.9 else 1.0,
-    }
-
-
-def _place(rng, centers, radii, extent, beside):
-    """A point outside or anywhere, in a sphere, at its center, or, but for a rounding, on it."""
-    kind = rng.choice(["far", "anywhere", "in", "center", "on"], p=[0.5, 0.2, 0.15, 0.05, 0.1])
-    if kind in ("far", "anywhere") or not len(radii):
-        return rng.normal(size=3) * extent * (2 if kind == "far" else 0.5)
-    i = rng.integers(len(radii))
-    direction = rng.normal(size=3)
-    distance = {"in": rng.uniform(0, 1), "center": 0, "on": 1 + beside}[kind]
-    return centers[i] + direction / np.linalg.norm(direction) * radii[i] * distance
-
-
 def length_scale(numbers):
     """The largest coordinate or radius, of whose roundings positions are made."""
-    lengths = [
-        value
-        for name, value in numbers.items()
-        if name.endswith(("center", "radius", "position", "look_at", "offset"))
-    ]
-    return max(np.max(np.abs(value)) for value in lengths)
+    lengths = ("center", "radius", "position", "look_at", "offset")
+    return max(np.abs(own).max() for name, own in numbers.items() if name.endswith(lengths))
 
 
-def jiggled(numbers, seed, amount):
-    """The scene with its lengths and directions changed by some, relative to its size."""
-    rng, scale = np.random.default_rng(seed), length_scale(numbers)
-    sizes = {
-        "center": scale,
-        "radius": scale,
-        "position": scale,
-        "look_at": scale,
-        "offset": scale,
-        "normal": 1,
-        "ior": 1,
-    }
+def jiggled(numbers, seed, amount, scale):
+    """The scene with every length changed by up to `amount * scale`, and every direction and index
+    by up to `amount`.
+    """
+    rng = np.random.default_rng(seed)
+    sizes = dict.fromkeys(("center", "radius", "position", "look_at", "offset"), scale)
+    sizes |= {"normal": 1, "ior": 1}
     moved = {}
     for name, value in numbers.items():
         size = sizes.get(name.rpartition(".")[2], 0)
-        change = (
-            rng.choice([-1, 1], np.shape(value))
-            * rng.uniform(0.5, 1, np.shape(value))
-            * amount
-            * size
-        )
-        moved[name] = (
-            np.maximum(value + change, value / 2) if name.endswith("radius") else value + change
-        )
+        sign, part = rng.choice([-1, 1], np.shape(value)), rng.uniform(0.5, 1, np.shape(value))
+        changed = value + sign * part * amount * size
+        moved[name] = np.maximum(changed, value / 2) if name.endswith("radius") else changed
     return moved
 
 
@@ -179,9 +135,10 @@ class Similarity:
     rotation: np.ndarray
     scale: float
     shift: np.ndarray
-    order: np.random.Generator
+    # Name without its number ("sphere", "plane", "light") to the new place of each
+    places: dict[str, list[int]]
 
-    def __call__(self, shape, numbers):
+    def __call__(self, layout, numbers):
         """The same scene elsewhere; how far a light reaches grows with it."""
         moved = {}
         for name, value in numbers.items():
@@ -193,50 +150,26 @@ class Similarity:
             elif field == "normal":
                 value = self.rotation @ value
             elif field == "offset":
-                value = (
-                    value * self.scale
-                    - (self.rotation @ numbers[name.replace("offset", "normal")]) @ self.shift
-                )
-            elif (
-                field == "intensity"
-                and shape.falloff(int(name.split(".")[1][5:])) == "inverse-square"
-            ):
+                normal = self.rotation @ numbers[name.replace("offset", "normal")]
+                value = value * self.scale - normal @ self.shift
+            elif field == "intensity" and self._falls_off(layout, name):
                 value = value * self.scale**2
-            moved[name] = value
-        return self._reordered(shape, moved)
+            moved[self._renamed(layout, name)] = value
+        return moved
 
-    def _reordered(self, shape, numbers):
-        """Things change places with others that are compiled alike; a material goes with what is
-        made of it.
-        """
-        kinds = [shape.fresnel[i % len(shape.fresnel)] for i in range(shape.spheres + shape.planes)]
-        spheres = self._places(kinds[: shape.spheres])
-        planes = self._places(kinds[shape.spheres :])
-        lights = self._places([shape.falloff(i) for i in range(shape.lights)])
-        materials = [*spheres, *(shape.spheres + place for place in planes)]
-        places = {"sphere": spheres, "plane": planes, "light": lights, "m": materials}
-        return {_renamed(name, places): value for name, value in numbers.items()}
+    @staticmethod
+    def _falls_off(layout, name):
+        return layout.falloff(int(name.split(".")[1].removeprefix("light"))) == "inverse-square"
 
-    def _places(self, kinds):
-        places = np.arange(len(kinds))
-        for kind in set(kinds):
-            alike = [i for i, other in enumerate(kinds) if other == kind]
-            places[alike] = self.order.permutation(alike)
-        return places.tolist()
-
-
-def _renamed(name, places):
-    group, *rest = name.split(".")
-    if len(rest) < 2:
-        return name
-    kind = rest[0].rstrip("0123456789")
-    return f"{group}.{kind}{places[kind][int(rest[0][len(kind) :])]}.{rest[1]}"
-
-
-def random_similarity(seed, rotation):
-    """A shift, scale and order by chance; the rotation is given, as a camera's `up` is compiled."""
-    rng = np.random.default_rng(seed)
-    return Similarity(rotation, 10 ** rng.uniform(-1, 1), rng.normal(size=3), rng)
+    def _renamed(self, layout, name):
+        """The name of a thing in its new place; a material goes with what is made of it."""
+        group, *rest = name.split(".")
+        if len(rest) < 2:
+            return name
+        kind = rest[0].rstrip("0123456789")
+        of_planes = [layout.spheres + place for place in self.places["plane"]]
+        places = {**self.places, "m": [*self.places["sphere"], *of_planes]}[kind]
+        return f"{group}.{kind}{places[int(rest[0].removeprefix(kind))]}.{rest[1]}"
 
 
 def random_rotation(seed):
@@ -246,6 +179,6 @@ def random_rotation(seed):
     return q * np.linalg.det(q)
 
 
-def with_up(loaded, up):
+def with_up(scene, up):
     """The scene with another direction up."""
-    return replace(loaded, camera=replace(loaded.camera, up=tuple(up.tolist())))
+    return replace(scene, camera=replace(scene.camera, up=tuple(up.tolist())))

@@ -14,6 +14,10 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
+# How far the renderer may be from it in double precision. A curved surface magnifies a rounding,
+# 2e-16, about tenfold, and what comes after four of them weighs little
+ERROR = 2e-12
+
 MATERIAL = {
     "color": [0, 0, 0],
     "specular": 0,
@@ -112,7 +116,7 @@ class Reference:
         return [min(candidates)[2] if candidates else 1 for candidates in (around, around + own)]
 
     def weights(self, x, c, media):
-        """The weights of the mirrored and the refracted ray at the angle of cosine c, eta, and k."""
+        """At an angle of cosine c: the weights of the mirrored and the refracted ray, eta, k."""
         eta = media[0] / media[1]
         k = 1 - eta**2 * (1 - c**2)
         if k <= 0:

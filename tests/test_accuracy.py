@@ -3,7 +3,7 @@
 import drjit as dr
 import numpy as np
 import pytest
-from samples import CAMERA, MATERIALS, SKY, sphere
+from samples import CAMERA, MATERIALS, SKY, keys, sphere
 
 import whitted as wt
 from whitted.rendering.auto_samples import Setting, recommend, settings
@@ -11,25 +11,23 @@ from whitted.rendering.samples import render_samples
 
 BALLS = (
     SKY
-    + "max_depth = 1\n"
+    + keys(max_depth=1)
     + CAMERA
     + MATERIALS
     + sphere([0, 0, 0], 0.9, "red")
-    + sphere([1, 0.5, -1], 0.8, "checks_less")
+    + sphere([1, 0.5, -1], 0.8, "veil")
 )
 
 
 @pytest.fixture(scope="module")
 def balls(tmp_path_factory):
     path = tmp_path_factory.mktemp("accuracy") / "scene.toml"
-    path.write_text(
-        BALLS.replace("checks_less", "coat").replace("reflection = 0.7", "reflection = 0")
-    )
+    path.write_text(BALLS)
     return wt.load_scene(path)
 
 
 @pytest.mark.parametrize("error", [0.05, 0.02, 0.005])
-def test_errors_are_met(balls, error):
+def test_error_that_is_asked_for_is_met(balls, error):
     resolution = (160, 120)
     reference = wt.render(balls, 1024, boundary=False, resolution=resolution).numpy()
     image = wt.render(balls, error=error, resolution=resolution).numpy()
@@ -52,7 +50,8 @@ def test_the_cheapest_good_setting_is_taken(balls, monkeypatch):
     np.testing.assert_array_equal(wt.render(balls, error=0.02, resolution=size).numpy(), expected)
 
 
-def test_errors_are_told_from_plain_samples_where_edges_take_long(balls, monkeypatch):
+def test_reference_has_plain_samples_where_edges_take_long(balls, monkeypatch):
+    """Then the settings with edges, which cost more than one that is good enough, are not tried."""
     offered = [
         Setting(1, False, 1.0),
         Setting(16, False, 2.0),
@@ -70,10 +69,11 @@ def test_errors_are_told_from_plain_samples_where_edges_take_long(balls, monkeyp
 
 
 def test_costs_of_larger_images_are_told_from_small_ones(balls, monkeypatch):
-    """Both of 128 x 128 pixels; sixteen times as many take sixteen times as long, four times where
-    edges count.
+    """Costs are measured at 128 x 128 pixels. Sixteen times as many take sixteen times as long, but
+    their edges, of four times the length, only four times.
     """
-    # Milliseconds: one for a plain sample a pixel, a fifth more and three for its edges
+    # Milliseconds at 128 x 128 pixels: 1 for a plain sample a pixel; with edges 1.2, and 3 for the
+    # edges
     monkeypatch.setattr(
         "whitted.rendering.auto_samples._seconds",
         lambda call: (
@@ -87,11 +87,13 @@ def test_costs_of_larger_images_are_told_from_small_ones(balls, monkeypatch):
     assert len(small) == 10
     for one, other in zip(small, large, strict=True):
         ms = one.spp * 1e-3
-        assert one.cost == pytest.approx(4.2 * ms if one.boundary else ms)
-        assert other.cost == pytest.approx((16 * 1.2 + 4 * 3) * ms if one.boundary else 16 * ms)
+        # Sums and products of a few numbers
+        small_cost, large_cost = (4.2, 16 * 1.2 + 4 * 3) if one.boundary else (1, 16)
+        assert one.cost == pytest.approx(small_cost * ms, rel=1e-12)
+        assert other.cost == pytest.approx(large_cost * ms, rel=1e-12)
 
 
-def test_gradients_pass(balls):
+def test_gradients_pass_through_an_image_of_a_chosen_setting(balls):
     values = balls.parameters("ambient")
     dr.enable_grad(values)
     dr.backward(
@@ -101,12 +103,12 @@ def test_gradients_pass(balls):
 
 
 @pytest.mark.parametrize("error", [0, -1, float("nan"), float("inf"), "small"])
-def test_bad_errors(balls, error):
+def test_error_that_is_not_above_zero_is_refused(balls, error):
     with pytest.raises(ValueError, match="expected a relative error above 0"):
         wt.render(balls, error=error)
 
 
 @pytest.mark.parametrize("also", [{"spp": 4}, {"boundary": False}])
-def test_error_takes_the_place_of_others(balls, also):
+def test_error_and_a_setting_of_ones_own_exclude_each_other(balls, also):
     with pytest.raises(ValueError, match=f"chooses {next(iter(also))} itself"):
         wt.render(balls, error=0.1, **also)

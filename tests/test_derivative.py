@@ -3,17 +3,14 @@ other.
 """
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
-from gradcheck import adjoint_error, compare, directions, jvp, vjp
-from samples import CAMERA, LIGHT, SECOND_LIGHT, SKY, SUN, disc, plane, sphere
+from gradcheck import SUM, adjoint_error, compare, directions, jvp, vjp
+from samples import CAMERA, LIGHT, SECOND_LIGHT, SHIPPED, SKY, SUN, disc, plane, sphere
 from samples import render_plain as render
 
 from whitted.scene.files import load_scene
-
-SCENES = sorted((Path(__file__).parents[1] / "scenes").glob("*.toml"))
 
 # Every feature at once, all weights strictly between 0 and 1, no number of a parameter 0
 MATERIALS = """
@@ -124,9 +121,11 @@ def only(values, name):
 
 def check_differences(image, values, tangents, name):
     compared = compare(image, values, tangents)
-    assert compared.smooth.mean() > 0.5
-    # Rounding: 1e-16 * 1e1..1e2 of magnification over a step of 1e-5; truncation is far below
-    assert compared.error < 1e-6
+    # Few samples have an edge within a step of 2e-5
+    assert compared.smooth.mean() > 0.9
+    # Rounding: 1e-16, magnified up to 1e4 times by three curved surfaces in turn, over a step of
+    # 1e-5. Truncation, of fourth order, is far below
+    assert compared.error < 1e-7
     assert np.any(compared.forward[compared.smooth]) == (name not in WITHOUT_EFFECT)
 
 
@@ -141,7 +140,7 @@ def test_derivative_is_that_of_differences(load, image_of, name):
 def test_reverse_mode_is_forward_mode_transposed(load, image_of, name):
     scene = load(ALL)
     values = scene.parameters()
-    assert adjoint_error(image_of(scene), values, only(values, name)) < 1e-10
+    assert adjoint_error(image_of(scene), values, only(values, name)) < SUM
 
 
 ALONE = [
@@ -163,18 +162,18 @@ ALONE = [
 
 @pytest.mark.parametrize("name", ALONE)
 @pytest.mark.parametrize("text", [ALL, HARD], ids=["partial shadows", "full shadows"])
-def test_one_parameter_alone(load, image_of, text, name):
-    """The kernels that are compiled for one parameter only, which leave out all light that it does
-    not change.
+def test_derivative_by_one_parameter_alone_is_that_of_differences(load, image_of, text, name):
+    """The kernels for derivatives by one parameter only leave out all light that it does not
+    change.
     """
     scene = load(text)
     image, values = image_of(scene, resolution=(24, 18)), scene.parameters(name)
     check_differences(image, values, directions(values), name)
-    assert adjoint_error(image, values, directions(values)) < 1e-10
+    assert adjoint_error(image, values, directions(values)) < SUM
 
 
-def test_index_of_what_is_around_the_camera(load, image_of):
-    """It bends rays at other spheres, before they meet anything whose parameters change."""
+def test_derivative_by_the_index_of_what_is_around_the_camera(load, image_of):
+    """The index bends rays at other spheres, before they meet anything whose parameters change."""
     around = sphere([0, 0, 1.5], 2.5, "glass") + sphere([0.1, 0.1, 0.3], 0.8, "air")
     scene = load("max_depth = 4\n" + SKY + CAMERA + MATERIALS + around + LIGHT)
     image, values = (
@@ -182,45 +181,45 @@ def test_index_of_what_is_around_the_camera(load, image_of):
         scene.parameters("materials.glass.ior"),
     )
     check_differences(image, values, directions(values), "materials.glass.ior")
-    assert adjoint_error(image, values, directions(values)) < 1e-10
+    assert adjoint_error(image, values, directions(values)) < SUM
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("depth", "importance"), [(1, 0), (7, 0), (7, 0.05)])
-def test_all_parameters_at_once(load, image_of, depth, importance):
+def test_derivatives_by_all_parameters_at_once_add_up(load, image_of, depth, importance):
     scene = load(f"min_importance = {importance}\n" + ALL)
     image, values = image_of(scene, max_depth=depth, spp=4), scene.parameters()
-    assert adjoint_error(image, values, directions(values)) < 1e-10
+    assert adjoint_error(image, values, directions(values)) < SUM
     # Two halves add up: forward mode is linear in its direction
     tangents = directions(values)
     halves = [dict(list(values.items())[k::2]) for k in range(2)]
     parts = sum(jvp(image, half, tangents) for half in halves)
     together = jvp(image, values, tangents)
-    np.testing.assert_allclose(together, parts, rtol=0, atol=1e-10 * abs(together).max())
+    np.testing.assert_allclose(together, parts, rtol=0, atol=SUM * abs(together).max())
 
 
 def test_single_precision_has_the_same_derivatives(load, image_of):
-    """As a sum over the image, in which no edge's sample weighs much."""
+    """As a sum over the image, in which no one sample counts for much. A sample beside an edge may
+    fall on its other side.
+    """
     gradients = {}
     for precision in ("single", "double"):
         scene = load(ALL, precision)
         image, values = image_of(scene, max_depth=2), scene.parameters()
-        weights = (
-            np.random.default_rng(3)
-            .uniform(0, 1, (12, 16, 3))
-            .astype(f"f{8 if precision == 'double' else 4}")
-        )
+        weights = np.random.default_rng(3).uniform(0, 1, (12, 16, 3))
         gradients[precision] = vjp(image, values, weights)
     for name, exact in gradients["double"].items():
         scale = abs(exact).max() or 1
-        # Hundreds of terms of both signs with errors of 1e-6 each at curved surfaces
+        # Curved surfaces magnify a rounding of 1e-7 a hundredfold, in 192 samples of both signs
+        # that add up to no less than a tenth of their moduli
         np.testing.assert_allclose(
-            gradients["single"][name], exact, rtol=0, atol=1e-3 * scale, err_msg=name
+            gradients["single"][name], exact, rtol=0, atol=1e-4 * scale, err_msg=name
         )
 
 
 def test_derivative_by_a_reflection_of_zero_is_what_the_mirror_would_show(load, image_of):
-    """L = (light of the surface) + reflection * (radiance of the mirrored ray), down to reflection
-    = 0.
+    """L = (light of the surface) + reflection * (radiance of the mirrored ray), also where the
+    reflection is 0.
     """
     dull = load(ALL.replace("reflection = 0.8", "reflection = 0"))
     mirror = load(ALL.replace("reflection = 0.8", "reflection = 1"))
@@ -232,18 +231,19 @@ def test_derivative_by_a_reflection_of_zero_is_what_the_mirror_would_show(load, 
     shown = render(mirror, max_depth=2).numpy() - render(dull, max_depth=2).numpy()
     assert shown.max() > 0.1
     one = {name: np.ones(1)}
+    # A difference of two images of numbers near 1, a few dozens of roundings
     np.testing.assert_allclose(jvp(image, values, one), shown, rtol=0, atol=1e-14)
     weights = np.random.default_rng(2).uniform(-1, 1, shown.shape)
-    np.testing.assert_allclose(
-        vjp(image, values, weights)[name], np.sum(weights * shown), rtol=1e-12
-    )
+    # A sum of 576 products of both signs, in another order
+    np.testing.assert_allclose(vjp(image, values, weights)[name], np.sum(weights * shown), rtol=SUM)
 
 
 @pytest.mark.parametrize("field", ["reflection", "refraction"])
 @pytest.mark.parametrize("material", ["glass", "tinted"])
 def test_derivative_by_a_weight_of_zero_in_glass(load, image_of, material, field):
-    """Glass that neither shows nor passes anything yet: the image is linear in a weight up to the
-    tree's next such node.
+    """A weight that is 0 has the derivative that differences at 0 have.
+
+    A kernel that did not trace rays of weight 0 would find none.
     """
     head, tail = ALL.split(f"[materials.{material}]")
     body, *rest = tail.split("[materials.", 1)
@@ -254,20 +254,21 @@ def test_derivative_by_a_weight_of_zero_in_glass(load, image_of, material, field
     name = f"materials.{material}.{field}"
     values, image = scene.parameters(name), image_of(scene, max_depth=2)
     if field == "refraction":
-        # Without it the sphere holds no medium; its weight is a product with rays that are bent by
-        # none
+        # At 0 the sphere is opaque and fills nothing, and for any other weight it bends rays: there
+        # are no differences to compare with
         tangent = jvp(image, values, {name: np.ones(1)})
         assert np.isfinite(tangent).all()
         assert np.any(tangent)
         return
     compared = compare(image, values, {name: np.ones(1)})
-    assert compared.error < 1e-6
+    # As in `check_differences`
+    assert compared.error < 1e-7
     assert np.any(compared.forward[compared.smooth])
-    assert adjoint_error(image, values, {name: np.ones(1)}) < 1e-10
+    assert adjoint_error(image, values, {name: np.ones(1)}) < SUM
 
 
-@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_reverse_mode_is_forward_mode_in_example_scenes(path, image_of):
     scene = load_scene(path, "double")
     values = scene.parameters()
-    assert adjoint_error(image_of(scene, resolution=(32, 32)), values, directions(values)) < 1e-10
+    assert adjoint_error(image_of(scene, resolution=(32, 32)), values, directions(values)) < SUM

@@ -112,7 +112,7 @@ def test_no_part_of_an_exr_is_taken_for_the_whole(tmp_path):
     assert len(names(tmp_path)) == 6
 
 
-def test_folder_that_vanishes(tmp_path, capsys, monkeypatch):
+def test_folder_that_vanishes_is_one_line_of_error(tmp_path, capsys, monkeypatch):
     folder, render = tmp_path / "folder", wt.render
     folder.mkdir()
 
@@ -129,7 +129,7 @@ def test_folder_that_vanishes(tmp_path, capsys, monkeypatch):
     assert names(tmp_path) == []
 
 
-def test_folder_that_turns_read_only(tmp_path, capsys, monkeypatch):
+def test_folder_that_turns_read_only_is_one_line_of_error(tmp_path, capsys, monkeypatch):
     if os.geteuid() == 0:
         pytest.skip("nothing is read-only to root")
     render = wt.render
@@ -173,7 +173,8 @@ def damage_folder(path):
     path.mkdir()
 
 
-def test_cache_of_kernels_that_is_damaged(tmp_path, expected):
+@pytest.mark.slow
+def test_damaged_cache_of_kernels_changes_no_image(tmp_path, expected):
     """Kernels are compiled anew, and the image is the same."""
     cache, out = tmp_path / "cache", tmp_path / "a.exr"
     cache.mkdir()
@@ -187,7 +188,7 @@ def test_cache_of_kernels_that_is_damaged(tmp_path, expected):
         out.unlink()
 
 
-def test_cache_of_kernels_that_cannot_be_written(tmp_path, expected):
+def test_cache_of_kernels_that_cannot_be_written_stops_nothing(tmp_path, expected):
     """Dr.Jit says so, and goes on without."""
     (tmp_path / "file").write_text("")
     status, error = finish(start(tmp_path / "a.exr", *SMALL, cache=tmp_path / "file"))
@@ -197,7 +198,7 @@ def test_cache_of_kernels_that_cannot_be_written(tmp_path, expected):
     np.testing.assert_array_equal(wt.read_image(tmp_path / "a.exr").numpy(), expected)
 
 
-def test_cache_of_kernels_shared_while_it_fills(tmp_path, expected):
+def test_processes_share_a_cache_of_kernels_while_it_fills(tmp_path, expected):
     (tmp_path / "cache").mkdir()
     processes = [start(tmp_path / f"{k}.exr", *SMALL, cache=tmp_path / "cache") for k in range(4)]
     assert [finish(process) for process in processes] == [(0, [])] * 4
@@ -212,6 +213,7 @@ def cpu_seconds(pid):
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, -signal.SIGTERM)]
 )
@@ -231,7 +233,7 @@ def test_signal_leaves_the_old_image(tmp_path, number, status):
 
 
 @pytest.mark.parametrize("module", ["drjit", "typer"])
-def test_interrupt_while_the_command_starts(tmp_path, module):
+def test_interrupt_while_the_command_starts_ends_it_without_a_word(tmp_path, module):
     """In the half second in which it imports what it needs."""
     (tmp_path / f"{module}.py").write_text(
         "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(1)"
@@ -246,7 +248,7 @@ def test_interrupt_while_the_command_starts(tmp_path, module):
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, b"", b"")
 
 
-def test_memory_that_runs_out(tmp_path):
+def test_memory_that_runs_out_is_one_line_of_error(tmp_path):
     """An image of 1648 MiB in 1500 MiB of address space."""
     out = tmp_path / "a.exr"
     out.write_bytes(b"old")

@@ -1,4 +1,8 @@
-"""Fits of one small scene whose answer is known, and everything that can be asked of them wrongly."""
+"""Fits of one small scene whose answer is known, and every wrong way to ask for one.
+
+A pixel is 0.16 wide, and a fit finds an edge to a hundredth of that. How far away a ball of radius
+r is, at a distance of 4, only its size in the picture tells: 4 / r times less well.
+"""
 
 import warnings
 
@@ -34,7 +38,9 @@ material = "red"
 position = [2, 2, 4]
 intensity = [0.6, 0.6, 0.6]
 """
-CENTER = np.array([0.2, -0.1, 0])
+CENTER, RADIUS = np.array([0.2, -0.1, 0]), 0.8
+FOUND = 1.6e-3  # a hundredth of a pixel
+NEAR = np.array([FOUND, FOUND, FOUND * 4 / RADIUS])
 AWAY = {"spheres.ball.center": [0.5, 0.2, -0.3]}
 WRT = ["spheres.ball.center"]
 
@@ -50,14 +56,12 @@ def target(ball):
 
 
 def test_recovers_position_and_radius(ball, target):
-    """To a hundredth of a pixel of 0.16 across, and five times that along the view, where only its
-    size tells.
-    """
     start = ball.replace({**AWAY, "spheres.ball.radius": 0.6})
     result = wt.fit(start, target, wrt=["spheres.ball.center", "spheres.ball.radius"])
     error = np.abs(np.array(result.parameters["spheres.ball.center"]) - CENTER)
-    assert np.all(error < [1.6e-3, 1.6e-3, 8e-3])
-    assert result.parameters["spheres.ball.radius"] == pytest.approx(0.8, abs=1.6e-3)
+    assert np.all(error < NEAR)
+    assert result.parameters["spheres.ball.radius"] == pytest.approx(RADIUS, abs=FOUND)
+    # The scene has the numbers in single precision
     np.testing.assert_allclose(
         result.scene.parameters(*WRT)[WRT[0]].numpy().ravel(), result.parameters[WRT[0]], rtol=1e-6
     )
@@ -66,15 +70,18 @@ def test_recovers_position_and_radius(ball, target):
         "spheres.ball.radius"
     ]
     assert len({step.resolution for step in result.history}) == 1
+    # An edge that was off by two pixels is off by less than 1/30 of that: squared, 1e-3
     assert result.loss < 1e-3 * result.history[0].loss
 
 
 def test_a_silhouette_alone_tells_the_place(load):
-    """In ambient light only the edge moves, which plain differentiation does not see."""
+    """In ambient light only the edge tells where the ball is, and plain samples have no derivative
+    by that.
+    """
     flat = load(BALL.replace("intensity = [0.6, 0.6, 0.6]", "intensity = [0, 0, 0]"), "single")
     picture, start = wt.render(flat, 16), flat.replace(AWAY)
     result = wt.fit(start, picture, wrt=WRT)
-    assert np.all(np.abs(np.array(result.parameters[WRT[0]]) - CENTER) < [1.6e-3, 1.6e-3, 8e-3])
+    assert np.all(np.abs(np.array(result.parameters[WRT[0]]) - CENTER) < NEAR)
     with pytest.warns(UserWarning, match=r"do not depend on spheres\.ball\.center"):
         plain = wt.fit(start, picture, wrt=WRT, boundary=False)
     np.testing.assert_allclose(plain.parameters[WRT[0]], AWAY[WRT[0]])
@@ -82,7 +89,8 @@ def test_a_silhouette_alone_tells_the_place(load):
 
 def test_adam_recovers_a_position(ball, target):
     result = wt.fit(ball.replace(AWAY), target, wrt=WRT, method="adam", spp=1, iterations=150)
-    np.testing.assert_allclose(result.parameters[WRT[0]][:2], CENTER[:2], atol=0.02)
+    # Adam's last steps are 0.05 * 0.05 of the radius
+    np.testing.assert_allclose(result.parameters[WRT[0]][:2], CENTER[:2], rtol=0, atol=2e-3)
 
 
 def test_coarse_pictures_come_first(ball):
@@ -99,27 +107,28 @@ def test_coarse_pictures_come_first(ball):
 
 
 def test_halved_targets_are_pictures_at_half_the_resolution(ball):
-    """A pixel is the mean over its area, so four of them are one of the coarser picture, but for
-    its samples' error.
-    """
+    """A pixel is the mean over its area, so four of them are one of the coarser picture."""
     fine, coarse = (wt.render(ball, 64, resolution=size).numpy() for size in ((64, 48), (32, 24)))
     halved = checked_view(ball, fine, None, (64, 48), "").halved()
-    assert np.abs(halved.target - coarse).max() < 2e-3
+    # An edge of 8 strips a pixel is straight in each: with a radius R of 5 pixels, each is off by
+    # (1/8)^3 / (12 R) = 3e-5 of a pixel; four times that is where an edge enters or leaves a pixel
+    assert np.abs(halved.target - coarse).max() < 1e-3
 
 
-def test_half_a_masked_picture(ball, target):
-    """What is masked out does not count, not even what is not a number."""
+def test_what_is_masked_out_does_not_count(ball, target):
+    """What is masked out does not count, even where it is not a number."""
     spoilt, mask = target.numpy().copy(), np.ones((24, 32))
     spoilt[:, 20:] = np.nan
     mask[:, 20:] = 0
     result = wt.fit(ball.replace(AWAY), spoilt, wrt=WRT, mask=mask)
-    np.testing.assert_allclose(result.parameters[WRT[0]], CENTER, atol=2e-3)
+    np.testing.assert_allclose(result.parameters[WRT[0]], CENTER, rtol=0, atol=FOUND)
 
 
-def test_unknown_exposure(ball, target):
+def test_gains_are_fitted_along(ball, target):
     exposure = np.array([2.0, 0.5, 1.3])
     result = wt.fit(ball.replace(AWAY), target.numpy() * exposure, wrt=WRT, gain=True)
-    np.testing.assert_allclose(result.parameters[WRT[0]], CENTER, atol=2e-3)
+    np.testing.assert_allclose(result.parameters[WRT[0]], CENTER, rtol=0, atol=FOUND)
+    # A hundredth of a pixel's width in 30 pixels on the edge, of 200 on the ball
     np.testing.assert_allclose(result.gains, [exposure], rtol=1e-3)
 
 
@@ -130,12 +139,12 @@ def test_several_views_agree(ball):
         there = ball.replace({"camera.position": [x, 0, 3.7]})
         views.append((there.replace(AWAY), wt.render(there, 16)))
     result = wt.fit(views, wrt=[*WRT, "spheres.ball.radius"])
-    np.testing.assert_allclose(result.parameters[WRT[0]], CENTER, atol=1e-3)
+    np.testing.assert_allclose(result.parameters[WRT[0]], CENTER, rtol=0, atol=1e-3)
     assert result.gains.shape == (2, 3)
 
 
 def test_second_derivatives_and_gradients_agree(ball, target):
-    """Forward and reverse mode of the same loss, with a gain and a mask."""
+    """Forward and reverse mode find the same gradient of the loss, with a gain and a mask."""
     mask = np.linspace(0.5, 2, 24 * 32).reshape(24, 32)
     sizes = {"spheres.ball.center": 3, "lights.light0.intensity": 3}
     options = {"spp": 1, "boundary": True, "max_depth": None}
@@ -148,10 +157,11 @@ def test_second_derivatives_and_gradients_agree(ball, target):
         for name, value in ball.parameters(*sizes).items()
     }
     dr.enable_grad(values)
-    assert objective.gradient(values) == pytest.approx(loss, rel=1e-5)
-    assert objective.loss(x) == pytest.approx(loss, rel=1e-5)
+    # Sums of 2304 terms in single precision: roundings of 6e-8 with random signs add up to 50
+    assert objective.gradient(values) == pytest.approx(loss, rel=3e-6)
+    assert objective.loss(x) == pytest.approx(loss, rel=3e-6)
     gradient = np.concatenate([dr.grad(value).numpy().ravel() for value in values.values()])
-    np.testing.assert_allclose(gradient, slope, rtol=1e-3, atol=1e-4 * np.abs(slope).max())
+    np.testing.assert_allclose(gradient, slope, rtol=0, atol=1e-5 * np.abs(slope).max())
 
 
 def sizes_as(sizes):
@@ -159,8 +169,10 @@ def sizes_as(sizes):
 
 
 def test_error_bars_are_those_of_the_noise(ball, target):
-    """Over ten pictures with noise, the errors' mean square in units of the bars is 1, give or take
-    4 sigma of it.
+    """Over ten pictures with noise, the errors' mean square in units of the bars is 1.
+
+    The mean of 30 squares of normal numbers has a standard deviation of sqrt(2 / 30); four of them
+    are exceeded once in 16,000 runs.
     """
     random, scores = np.random.default_rng(3), []
     for _ in range(10):
@@ -178,11 +190,12 @@ def test_several_starts_find_what_one_does_not(ball):
     one = wt.fit(small.replace(far), picture, wrt=WRT, bounds=bounds)
     several = wt.fit(small.replace(far), picture, wrt=WRT, bounds=bounds, starts=40)
     assert np.abs(np.array(one.parameters[WRT[0]]) - CENTER).max() > 0.5
-    np.testing.assert_allclose(several.parameters[WRT[0]], CENTER, atol=0.02)
+    off = np.abs(np.array(several.parameters[WRT[0]]) - CENTER)
+    assert np.all(off < [FOUND, FOUND, 0.02])  # FOUND * 4 / 0.3
 
 
 @pytest.mark.parametrize("method", ["lm", "adam"])
-def test_bounds_hold_and_are_told(ball, target, method):
+def test_bound_holds_and_a_note_tells_it(ball, target, method):
     name = "spheres.ball.radius"
     result = wt.fit(
         ball.replace({name: 0.6}),
@@ -192,11 +205,11 @@ def test_bounds_hold_and_are_told(ball, target, method):
         method=method,
         iterations=60,
     )
-    assert result.parameters[name] == pytest.approx(0.7)
+    assert result.parameters[name] == pytest.approx(0.7, rel=6e-8)  # a rounding
     assert result.notes == [f"{name} was held at its bound 0.7"]
 
 
-def test_default_bounds(ball):
+def test_default_bounds_are_what_is_legal_and_usual(ball):
     names = [
         "spheres.ball.radius",
         "materials.red.color",
@@ -205,10 +218,10 @@ def test_default_bounds(ball):
         "camera.position",
     ]
     low, high = bounds_of(ball, names, {})
-    assert low.tolist() == pytest.approx([8e-4, 0, 0, 0, 1, 0.05, -np.inf, -np.inf, -np.inf])
-    assert high.tolist() == pytest.approx(
-        [np.inf, 1, 1, 1, np.inf, 180, np.inf, np.inf, np.inf], abs=1e-2
-    )
+    # A number that must stay above 0 does so by a thousandth of its start, in single precision
+    free = [np.inf] * 3
+    assert low.tolist() == pytest.approx([8e-4, 0, 0, 0, 1, 0.05, *(-np.inf,) * 3], rel=6e-8)
+    assert high.tolist() == pytest.approx([np.inf, 1, 1, 1, np.inf, 179.999, *free], rel=1e-15)
     assert (
         bounds_of(ball.replace({"materials.red.ior": 0.7}), ["materials.red.ior"], {})[0][0] < 0.7
     )
@@ -219,8 +232,8 @@ def test_a_parameter_without_effect_is_named(ball, target):
     with pytest.warns(UserWarning, match=r"do not depend on materials\.spare\.color") as warned:
         result = wt.fit(ball.replace(AWAY), target, wrt=[*WRT, "materials.spare.color"])
     assert len(warned) == 3
-    np.testing.assert_allclose(result.parameters[WRT[0]], CENTER, atol=1e-3)
-    assert result.parameters["materials.spare.color"] == pytest.approx([0.5] * 3)
+    np.testing.assert_allclose(result.parameters[WRT[0]], CENTER, rtol=0, atol=1e-3)
+    assert result.parameters["materials.spare.color"] == [0.5] * 3
     assert np.isinf(result.uncertainty["materials.spare.color"]).all()
 
 
@@ -242,7 +255,7 @@ def test_interrupt_keeps_the_best(ball, target, method):
     result = wt.fit(ball.replace(AWAY), target, wrt=WRT, method=method, callback=interrupt)
     assert result.stopped == "interrupted"
     best = min(result.history, key=lambda step: step.loss)
-    np.testing.assert_allclose(result.parameters[WRT[0]], best.x)
+    np.testing.assert_array_equal(result.parameters[WRT[0]], best.x)
 
 
 @pytest.mark.parametrize("method", ["lm", "adam"])
@@ -299,12 +312,12 @@ def bad(**options):
         ),
     ],
 )
-def test_bad_arguments(ball, target, options, error, match):
+def test_argument_that_makes_no_sense_is_refused(ball, target, options, error, match):
     with pytest.raises(error, match=match):
         wt.fit(ball, target, **{"wrt": WRT, **options})
 
 
-def test_bad_targets(ball, target):
+def test_target_that_does_not_fit_the_scene_is_refused(ball, target):
     with pytest.raises(ValueError, match="target: expected an image, got None"):
         wt.fit(ball, wrt=WRT)
     with pytest.raises(ValueError, match="expected an image of 32 x 24 pixels"):
@@ -321,7 +334,7 @@ def test_bad_targets(ball, target):
         wt.fit([], wrt=WRT)
 
 
-def test_what_is_not_a_number_is_named(ball, target, monkeypatch):
+def test_a_number_that_ceases_to_be_finite_is_named(ball, target, monkeypatch):
     start = ball.replace(AWAY)
     monkeypatch.setattr(
         Objective, "normal_equations", lambda self, x: (np.nan, np.zeros(3), np.eye(3))

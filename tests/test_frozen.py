@@ -1,5 +1,6 @@
 """Recorded functions: what they take apart and put together, and when they trace again."""
 
+import gc
 from dataclasses import dataclass
 
 import drjit as dr
@@ -45,3 +46,17 @@ def test_recording_is_replayed_for_arguments_of_the_same_structure():
         assert result.x.numpy().tolist() == [2 * x]
         assert result.others["sum"].numpy().tolist() == [1 + k for k in range(width)]
         assert result.others["same"] == (None, 7)
+
+
+def test_garbage_is_not_collected_while_a_function_is_recorded():
+    """Freeing an array in NumPy's memory just then would end the process."""
+    collects = []
+
+    @frozen
+    def doubled(x):
+        collects.append(gc.isenabled())
+        return x * 2
+
+    assert doubled(dr.opaque(ad.Float, 3)).numpy() == [6]
+    assert collects == [False]
+    assert gc.isenabled()

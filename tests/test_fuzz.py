@@ -1,4 +1,4 @@
-"""Damaged files: read or refused, a few hundred of them here and as many as wanted by
+"""Damaged files are read or refused: a few hundred of them here, and as many as one likes by
 `benchmarks/fuzz.py`.
 """
 
@@ -35,7 +35,7 @@ def test_large_or_empty_scene_files_are_refused(tmp_path, number):
     assert fuzz.outcome(path) == "SceneError"
 
 
-def test_failure_is_told(tmp_path, capsys):
+def test_failure_and_slowness_are_reported(tmp_path, capsys):
     found = [
         ("1.exr", 0.1, "ValueError"),
         ("2.png", 0.1, "FAILURE: IndexError: of"),
@@ -48,8 +48,8 @@ def test_failure_is_told(tmp_path, capsys):
     assert "failures: 2" in text
 
 
-def test_process_that_ends_is_told(tmp_path, monkeypatch):
-    """And the batch goes on behind the input that ended it."""
+def test_input_that_ends_the_process_is_reported(tmp_path, monkeypatch):
+    """The batch goes on with the next input."""
     runs = iter([["0 0.toml 0.100 SceneError", "1 1.exr "], ["2 2.toml 0.100 read"]])
     monkeypatch.setattr(fuzz, "_lines", lambda *_: iter(next(runs)))
     expected = [

@@ -50,13 +50,17 @@ def wave(forward=1.0, reverse=1.0):
 def test_right_derivatives_pass():
     compared = compare(wave(), VALUES, directions(VALUES))
     assert compared.smooth.all()
-    assert compared.error < 1e-9
-    assert adjoint_error(wave(), VALUES, directions(VALUES)) < 1e-14
+    # Roundings of 1e-16 over a step of 1e-5; some 5 of them add up
+    assert compared.error < 1e-10
+    # 48 terms
+    assert adjoint_error(wave(), VALUES, directions(VALUES)) < 48 * 2.0**-52
 
 
 @pytest.mark.parametrize("wrong", [0.999, 1.001])
 def test_forward_derivative_wrong_by_a_thousandth_is_caught(wrong):
-    assert compare(wave(forward=wrong), VALUES, directions(VALUES)).error > 5e-4
+    # 0.001 of the derivative, where that is largest
+    assert compare(wave(forward=wrong), VALUES, directions(VALUES)).error > 9e-4
+    # In a sum of both signs a thousandth of it is less of the moduli, and far above roundings
     assert adjoint_error(wave(forward=wrong), VALUES, directions(VALUES)) > 1e-5
 
 
@@ -66,9 +70,7 @@ def test_reverse_derivative_wrong_by_a_thousandth_is_caught(wrong):
 
 
 def test_jumps_and_kinks_are_left_out():
-    """The jump moves with a over the number at a = 0.7, the kink over that at b.x = 0.3; all others
-    count.
-    """
+    """The jump passes the number at 0.7 when a moves, the kink that at 0.3 when b.x does."""
 
     def image(values):
         x = dr.arange(ad.Float64, 12) / 10
@@ -77,4 +79,5 @@ def test_jumps_and_kinks_are_left_out():
 
     compared = compare(image, VALUES, directions(VALUES))
     assert [k for k, smooth in enumerate(compared.smooth.ravel()) if not smooth] == [3, 7]
-    assert compared.error < 1e-8
+    # Roundings of 1e-16 over a step of 1e-5, relative to slopes near 1
+    assert compared.error < 1e-10

@@ -5,16 +5,14 @@ right type.
 import drjit as dr
 import numpy as np
 import pytest
-from gradcheck import as_type, jvp
-from samples import SCENES, scene, sphere
+from gradcheck import SUM, as_type, jvp
+from samples import SCENES, keys, scene, sphere
 
 from whitted.rendering.api import render
 from whitted.rendering.gradient import gradient
 
 # One matte ball in a light of its own that comes from everywhere, before a black sky
-BALL = scene(
-    sphere([0, 0, 0], 0.7, "red"), sky="background = [0, 0, 0]\nambient = [0.2, 0.3, 0.4]\n"
-)
+BALL = scene(sphere([0, 0, 0], 0.7, "red"), sky=keys(background=[0, 0, 0], ambient=[0.2, 0.3, 0.4]))
 ALBEDO = np.array([0.8, 0.2, 0.1])
 
 
@@ -28,7 +26,7 @@ def test_ambient_light_has_its_closed_form(load, component):
     channel = "xyz".index(component)
     seen = render(ball, boundary=False).numpy()[..., channel] > 0
     assert 0.05 < seen.mean() < 0.95
-    np.testing.assert_allclose(image[..., channel], ALBEDO[channel] * seen, rtol=1e-12)
+    np.testing.assert_array_equal(image[..., channel], ALBEDO[channel] * seen)
     assert not np.delete(image, channel, axis=-1).any()
 
 
@@ -56,7 +54,7 @@ def test_moving_ball_darkens_behind_and_brightens_before(load):
         ("lights.light0.position", "z", [0, 0, 1]),
     ],
 )
-def test_agrees_with_forward_mode_by_hand(load, precision, name, component, tangent):
+def test_gradient_is_forward_mode_by_one_number(load, precision, name, component, tangent):
     room = load(SCENES["all"], precision)
     options = {"spp": 4, "boundary": False, "max_depth": 3, "resolution": (8, 6)}
     image = gradient(room, name, component, **options)
@@ -68,20 +66,25 @@ def test_agrees_with_forward_mode_by_hand(load, precision, name, component, tang
     assert type(image) is type(render(room, **options))
     assert not dr.grad_enabled(image)
     assert abs(expected).max() > 0
-    np.testing.assert_allclose(image.numpy(), expected, rtol=1e-5, atol=1e-5 * abs(expected).max())
+    np.testing.assert_array_equal(image.numpy(), expected)
 
 
 @pytest.mark.parametrize("weight", [0, 0.01])
 def test_a_small_weight_counts_up_to_the_silhouette(load, weight):
-    """The derivative by a reflection is what is seen in it: here a sky of 1, wherever the ball is."""
+    """The derivative by a reflection is what is seen in it: here a sky of 1, wherever the ball is.
+
+    Of the weight 0, for which edges are not found, a pixel has 64 samples; of 0.01 it has edges.
+    """
     text = BALL.replace("background = [0, 0, 0]", "background = [1, 1, 1]")
     ball = load(text).replace({"materials.red.reflection": weight})
     image, samples = (
         gradient(ball, "materials.red.reflection", None, spp, boundary=spp == 16).numpy()
         for spp in (16, 1024)
     )
-    # The part of a pixel on the ball, wrong by less than two samples of 16
-    assert abs(image - samples).max() < 1 / 8
+    # The part of a pixel that is on the ball: an edge along a row of 8 x 8 samples may be off by
+    # half a row
+    assert abs(image - samples).max() < 1 / 16
+    # In 20 pixels on the edge the errors are about 0.01 of either sign, 0.05 of 26 in all
     assert abs(image.sum() / samples.sum() - 1) < 2e-3
 
 
@@ -93,7 +96,8 @@ def test_a_weight_too_small_for_edges_has_four_times_the_samples(load):
         ).numpy()
         for spp in (4, 16)
     )
-    np.testing.assert_allclose(edges, samples, rtol=0, atol=1e-12 * abs(samples).max())
+    np.testing.assert_array_equal(edges, samples)
+    # And of 0.02, not of more, are edges left out
     other = gradient(room, "materials.mirror.reflection", None, 16, resolution=(16, 12)).numpy()
     assert abs(other - samples).max() > 1e-3 * abs(samples).max()
 
@@ -106,7 +110,8 @@ def test_terms_add_up(load):
         for terms in ("both", "interior", "boundary")
     )
     assert min(abs(interior).max(), abs(boundary).max()) > 0.01
-    np.testing.assert_allclose(interior + boundary, both, atol=1e-9 * abs(both).max())
+    # The same terms in another order
+    np.testing.assert_allclose(interior + boundary, both, rtol=0, atol=SUM * abs(both).max())
 
 
 def test_gradients_that_the_scene_carries_stay_out_of_it(load):
@@ -129,7 +134,10 @@ def test_progress_counts_to_one_once(load):
 
 @pytest.mark.parametrize("component", [None, "", "w", "xy", "X"])
 def test_vector_needs_a_component(load, component):
-    message = rf"^component: expected x, y or z \(red, green or blue of a colour\) for the vector 'ambient', got {component or 'none'}$"
+    message = (
+        r"^component: expected x, y or z \(red, green or blue of a colour\) "
+        rf"for the vector 'ambient', got {component or 'none'}$"
+    )
     with pytest.raises(ValueError, match=message):
         gradient(load(BALL), "ambient", component)
 
@@ -141,7 +149,7 @@ def test_number_has_no_component(load):
         gradient(load(BALL), "camera.fov", "x")
 
 
-def test_what_others_refuse(load):
+def test_unknown_names_and_bad_arguments_of_render_are_refused(load):
     with pytest.raises(
         KeyError, match=r"the scene has no parameter 'camera\.fow'; nearest: camera\.fov"
     ):

@@ -1,4 +1,4 @@
-"""Which libLLVM is chosen, from where, and what is said when there is none."""
+"""Which libLLVM is chosen, from where, and what a message says when there is none."""
 
 import ctypes
 import os
@@ -122,7 +122,7 @@ def test_the_link_tells_the_version_where_the_file_does_not(tmp_path):
     assert llvm.candidates([tmp_path]) == [(18, tmp_path / "libLLVM-18.so")]
 
 
-def test_a_name_that_does_not_tell_is_asked(tmp_path, monkeypatch):
+def test_a_library_whose_name_does_not_tell_its_version_is_asked(tmp_path, monkeypatch):
     class Loaded:
         def __init__(self, path):
             pass
@@ -210,7 +210,7 @@ def test_the_variable_is_set_and_then_respected(tmp_path):
         ("other.so", "it cannot be loaded as a library"),
     ],
 )
-def test_a_named_library_that_is_not_usable(tmp_path, name, fault):
+def test_a_named_library_that_is_not_usable_is_refused(tmp_path, name, fault):
     path = fake(tmp_path, "libLLVM-14.so", "libLLVM-19.so", "other.so") / name
     with pytest.raises(
         BackendError,
@@ -231,15 +231,17 @@ def test_a_named_library_may_be_left_to_the_loader():
         ([], "^no libLLVM was found on this system; install "),
         (
             ["libLLVM-14.so"],
-            r"^no usable libLLVM, 15 or newer, was found: \S*libLLVM-14.so \(LLVM 14\) is too old; install ",
+            r"^no usable libLLVM, 15 or newer, was found: "
+            r"\S*libLLVM-14.so \(LLVM 14\) is too old; install ",
         ),
         (
             ["libLLVM-19.so"],
-            r"^no usable libLLVM, 15 or newer, was found: \S*libLLVM-19.so \(LLVM 19\) cannot be loaded; install ",
+            r"^no usable libLLVM, 15 or newer, was found: "
+            r"\S*libLLVM-19.so \(LLVM 19\) cannot be loaded; install ",
         ),
     ],
 )
-def test_nothing_usable(tmp_path, names, cause):
+def test_nothing_usable_is_an_error_with_cause_and_remedy(tmp_path, names, cause):
     environ = {}
     with pytest.raises(BackendError, match=cause) as raised:
         llvm.choose([fake(tmp_path, *names)], environ)
@@ -266,7 +268,7 @@ def release(folder: Path, text: str) -> Path:
         ("ID=endeavouros\nID_LIKE=arch", "pacman -S llvm-libs"),
     ],
 )
-def test_remedy_by_system(tmp_path, monkeypatch, user, sudo, text, command):
+def test_remedy_is_the_command_of_the_system(tmp_path, monkeypatch, user, sudo, text, command):
     monkeypatch.setattr(os, "geteuid", lambda: user)
     monkeypatch.setattr(sys, "platform", "linux")
     assert llvm.remedy({}, release(tmp_path, text)).startswith(
@@ -274,7 +276,7 @@ def test_remedy_by_system(tmp_path, monkeypatch, user, sudo, text, command):
     )
 
 
-def test_remedy_of_conda_macos_and_the_unknown(tmp_path, monkeypatch):
+def test_remedy_of_conda_of_macos_and_of_an_unknown_system(tmp_path, monkeypatch):
     debian = release(tmp_path, "ID=debian")
     assert "with: conda install -c conda-forge libllvm19 (" in llvm.remedy(
         {"CONDA_PREFIX": "/c"}, debian
@@ -307,7 +309,7 @@ def test_remedy_of_conda_macos_and_the_unknown(tmp_path, monkeypatch):
         ),
     ],
 )
-def test_remedy_by_what_apt_has(tmp_path, monkeypatch, packages, remedy):
+def test_remedy_is_the_newest_package_that_apt_has(tmp_path, monkeypatch, packages, remedy):
     if packages is not None:
         lines = "".join(f"echo '{name} - runtime library'\n" for name in packages)
         (tmp_path / "apt-cache").write_text(f"#!/bin/sh\n{lines}")
@@ -331,7 +333,7 @@ def test_configure_answers_the_same_again():
     ("names", "cause"),
     [([], "no libLLVM was found"), (["libLLVM-14.so.1"], r"libLLVM-14.so.1 (LLVM 14) is too old")],
 )
-def test_import_without_a_usable_library(tmp_path, names, cause):
+def test_import_works_without_a_usable_library_but_names_raise(tmp_path, names, cause):
     code = "import whitted as wt; print(wt.__version__); wt.load_scene"
     done = whitted(fake(tmp_path, *names), code)
     assert done.returncode == 1
@@ -346,7 +348,7 @@ def test_python_itself_may_ask_for_any_attribute_without_llvm(tmp_path):
 
 
 @pytest.mark.parametrize("command", ["render", "info"])
-def test_the_command_line_says_it_in_one_line(tmp_path, command):
+def test_the_command_line_says_in_one_line_that_llvm_is_missing(tmp_path, command):
     (tmp_path / "scene.toml").write_text(SCENE)
     arguments = {
         "render": ["render", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out.exr")],
@@ -360,20 +362,20 @@ def test_the_command_line_says_it_in_one_line(tmp_path, command):
     assert done.stderr.count("\n") == 1
 
 
-def test_a_dr_jit_that_cannot_be_imported(tmp_path):
+def test_a_dr_jit_that_cannot_be_imported_is_an_error_with_its_cause(tmp_path):
     (tmp_path / "drjit.py").write_text("raise ImportError('libatomic.so.1: no such file')")
     code = f"sys.path.insert(0, {str(tmp_path)!r}); import whitted; whitted.render"
     done = python(f"import sys; {code}", **{llvm.VARIABLE: llvm.configure().path})
     assert (
-        "BackendError: Dr.Jit cannot be imported: libatomic.so.1: no such file; install what is missing"
-        in done.stderr
+        "BackendError: Dr.Jit cannot be imported: libatomic.so.1: no such file; "
+        "install what is missing" in done.stderr
     )
 
 
 @pytest.mark.skipif(
     not [version for version, _ in REAL if version < 15], reason="needs an LLVM older than 15"
 )
-def test_a_real_library_that_is_too_old(tmp_path):
+def test_a_real_library_that_is_too_old_is_refused(tmp_path):
     version, path = next(candidate for candidate in REAL if candidate[0] < 15)
     (tmp_path / path.name).symlink_to(path)
     done = whitted(tmp_path, "import whitted; whitted.render")
@@ -410,20 +412,20 @@ def test_drjit_that_was_imported_before_is_left_alone():
     assert done.stdout == "drjit was imported before whitted and had chosen it\n"
 
 
-def test_drjit_that_was_imported_before_and_found_nothing():
+def test_drjit_that_was_imported_before_and_found_nothing_is_refused():
     done = python("import drjit, whitted; whitted.render", **{llvm.VARIABLE: "/missing/libLLVM.so"})
     assert (
-        "BackendError: drjit was imported before whitted and found no usable LLVM; import whitted first, or set"
-        in done.stderr
+        "BackendError: drjit was imported before whitted and found no usable LLVM; "
+        "import whitted first, or set" in done.stderr
     )
 
 
-def test_a_library_that_is_none():
+def test_a_named_library_that_is_not_llvm_is_refused():
     done = python("import whitted; whitted.render", **{llvm.VARIABLE: "libc.so.6"})
     assert "BackendError: Dr.Jit cannot use libc.so.6; install " in done.stderr
 
 
-def test_as_a_script():
+def test_the_module_as_a_script_prints_the_choice():
     named = llvm.configure().path
     chosen = python("", "-I", llvm.__file__, **{llvm.VARIABLE: named})
     assert (chosen.returncode, chosen.stdout, chosen.stderr) == (0, f"{named}\n", "")

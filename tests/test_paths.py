@@ -44,17 +44,17 @@ def path(bounces, turns=0):
         "diffuse under two lights",
     ],
 )
-def test_all_counts_below_the_first_node_or_where_nothing_is_faint(load, name):
+def test_all_light_counts_below_the_first_node_and_where_nothing_is_faint(load, name):
     for faint, way in ((0.2, path(0)), (0.0, path(100))):
         color, label = looked(load, SCENES[name], faint, way)
         whole, labels = looked(load, SCENES[name], faint)
         np.testing.assert_array_equal(label, labels)
-        np.testing.assert_allclose(color, whole, rtol=0, atol=1e-12)
+        np.testing.assert_array_equal(color, whole)
 
 
 @pytest.mark.parametrize("turns", [0, 1, 2, 3])
 def test_what_is_left_out_is_faint_and_off_the_path(load, turns):
-    """Labels stay those of all rays, and less light is missing the farther up the node is."""
+    """Labels stay those of all rays, and the farther up a node is, the less light is missing."""
     text, faint = SCENES["all"], 0.2
     whole, labels = looked(load, text, faint)
     missing = []
@@ -62,7 +62,8 @@ def test_what_is_left_out_is_faint_and_off_the_path(load, turns):
         color, label = looked(load, text, faint, path(bounces, turns))
         np.testing.assert_array_equal(label, labels)
         missing.append(whole - color)
-        assert missing[-1].min() > -1e-12
+        # Nothing is added but roundings of sums of a few dozen colours
+        assert missing[-1].min() > -1e-14
     steps = np.diff(missing, axis=0)
-    assert steps.min() > -1e-12
+    assert steps.min() > -1e-14
     assert steps.max() > 1e-3

@@ -6,6 +6,7 @@ next work on an array waits for the lock, and both threads wait forever. So `fre
 of arrays and nothing else; the rest is done before and after.
 """
 
+import gc
 from collections.abc import Callable, Hashable
 from functools import wraps
 from typing import Any, TypeVar
@@ -52,7 +53,15 @@ class _Recording:
         self.replay = dr.freeze(self._trace, state_fn=None, warn_after=1 << 30)
 
     def __call__(self, arrays: list[Array]) -> Any:
-        results = self.replay(arrays)
+        # Freeing an array in NumPy's memory while Dr.Jit records would end the process. The garbage
+        # collector may do that at any time
+        collects = gc.isenabled()
+        gc.disable()
+        try:
+            results = self.replay(arrays)
+        finally:
+            if collects:
+                gc.enable()
         return put_together(self.result, iter(results))
 
     def _trace(self, arrays: list[Array]) -> list[Array]:

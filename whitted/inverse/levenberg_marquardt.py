@@ -37,15 +37,14 @@ def levenberg_marquardt(
             return x, NO_SLOPE
         taken = False
         while not taken and damping < MOST:
-            step = _step(search, x, slope, curvature, damping)
-            after = search.bounded(x + step) - x
-            if np.abs(after / search.scale).max() < tolerance:
+            after = search.bounded(x + _step(search, x, slope, curvature, damping))
+            if np.abs((after - x) / search.scale).max() < tolerance:
                 return x, "converged: steps are below the tolerance"
-            taken = objective.loss(x + after) < loss
+            taken = objective.loss(after) < loss
             damping = max(damping / FALL, LEAST) if taken else damping * GROWTH
         if not taken:
             return x, "converged: no step lowers the loss"
-        x = x + after
+        x = after
         loss, slope, curvature = objective.normal_equations(x)
         search.record(objective, loss, x, slope, curvature.diagonal())
     return x, "iterations used up"
@@ -56,7 +55,9 @@ def _step(
 ) -> np.ndarray:
     """A damped step of the numbers that can move; none moves by more than its scale."""
     diagonal = curvature.diagonal()
-    at_bound = ((x <= search.low) & (slope > 0)) | ((x >= search.high) & (slope < 0))
+    # A step may have ended a rounding beside a bound
+    near = search.tolerance * search.scale
+    at_bound = ((x <= search.low + near) & (slope > 0)) | ((x >= search.high - near) & (slope < 0))
     free = np.flatnonzero(~at_bound & (diagonal > 0))
     step = np.zeros(len(x))
     # In units in which all diagonal elements are 1

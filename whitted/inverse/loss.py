@@ -8,6 +8,7 @@ import drjit as dr
 import numpy as np
 
 from ..core.arrays import Array
+from ..core.host import to_array
 from ..rendering.samples import render_samples
 from ..scene.scene import Scene
 from .views import View
@@ -94,7 +95,7 @@ class Objective:
             loss += part / self.total / 2
             # The loss does not change with the gain, since that is the best one
             seed = view.weight * residual * (gain / residual.dtype.type(self.total))
-            dr.set_grad(image, type(image)(seed))
+            dr.set_grad(image, type(image)(to_array(seed.ravel(), seed.size), seed.shape))
             dr.enqueue(dr.ADMode.Backward, image)
             dr.traverse(dr.ADMode.Backward)
         return loss

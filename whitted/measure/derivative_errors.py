@@ -8,6 +8,7 @@ import drjit as dr
 import numpy as np
 
 from ..core.arrays import Array
+from ..core.host import to_array
 from ..files.images import as_numpy
 from ..rendering.gradient import gradient as differentiate
 from ..rendering.samples import render_samples
@@ -96,6 +97,7 @@ def _reverse(
     values = dr.detach(scene.parameters(*names))
     dr.enable_grad(values)
     image = render_samples(scene.replace(values), **options)
-    dr.backward(dr.sum((image * type(image)(weights)).array))
+    seed = to_array(weights.ravel().astype(scene.precision.dtype), weights.size)
+    dr.backward(dr.sum(image.array * seed))
     name, component = parameter
     return float(np.ravel(dr.grad(values[name]).numpy())[component_index(component)])

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import drjit as dr
+import numpy as np
 from drjit.llvm import ad
 
 from ..core.arrays import Array, Parameters
@@ -89,6 +90,8 @@ class Job:
             pixels = kernel(first, rows)
             if rows < height:
                 if first == 0:
+                    # Without enough memory NumPy raises an error; Dr.Jit would end the process
+                    np.empty(height * width * 3, precision.dtype)
                     whole = dr.empty(precision.real, height * width * 3)
                     memory = whole.numpy()
                 memory[first * width * 3 : (first + rows) * width * 3] = pixels.numpy()

@@ -1,0 +1,154 @@
+"""Levenberg and Marquardt's method on small problems, against SciPy's."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from scipy.optimize import least_squares, lsq_linear
+
+from whitted.inverse.levenberg_marquardt import levenberg_marquardt
+from whitted.inverse.search import Search
+
+TIMES = np.linspace(0, 4, 15)
+# A decay, and what no decay explains
+DECAY = 2.5 * np.exp(-0.8 * TIMES) + 0.1 * np.sin(9 * TIMES)
+TURN = np.linspace(0, 5, 12)
+ROUND = np.array([3 + 2 * np.cos(TURN), -1 + 2 * np.sin(TURN)]) + 0.1 * np.cos(7 * TURN)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Residuals of a vector of numbers and their Jacobian, with what a fit asks of an objective."""
+
+    residuals: object
+    jacobian: object
+    start: tuple
+    low: tuple = ()
+    high: tuple = ()
+
+    views = (SimpleNamespace(resolution=(1, 1)),)
+
+    @property
+    def bounds(self):
+        free = np.full(len(self.start), np.inf)
+        low, high = (bound if len(bound) else free for bound in (self.low, self.high))
+        return (low if len(self.low) else -free), high
+
+    def loss(self, x):
+        return self.normal_equations(x)[0]
+
+    def normal_equations(self, x):
+        r, j = self.residuals(x), self.jacobian(x)
+        return r @ r / 2, j.T @ r, j.T @ j
+
+
+def line(x):
+    return x[0] + x[1] * TIMES - DECAY
+
+
+def of_line(x):
+    return np.stack([np.ones_like(TIMES), TIMES], -1)
+
+
+def decay(x):
+    return x[0] * np.exp(-x[1] * TIMES) - DECAY
+
+
+def of_decay(x):
+    fall = np.exp(-x[1] * TIMES)
+    return np.stack([fall, -x[0] * TIMES * fall], -1)
+
+
+def valley(x):
+    """Rosenbrock's function: its minimum is at the end of a valley in the shape of a parabola."""
+    return np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]])
+
+
+def of_valley(x):
+    return np.array([[-20 * x[0], 10.0], [-1.0, 0.0]])
+
+
+def circle(x):
+    """Distances of points from a circle of center (x0, x1) and radius x2."""
+    return np.hypot(*(ROUND - x[:2, None])) - x[2]
+
+
+def of_circle(x):
+    away = ROUND - x[:2, None]
+    return np.stack([*(-away / np.hypot(*away)), -np.ones(away.shape[1])], -1)
+
+
+PROBLEMS = {
+    "line": Problem(line, of_line, (0, 0)),
+    "decay": Problem(decay, of_decay, (1, 0.1)),
+    "valley": Problem(valley, of_valley, (-1.2, 1)),
+    "circle": Problem(circle, of_circle, (0, 0, 1)),
+    "line with a bound": Problem(line, of_line, (0, 0), (-9, -0.2), (9, 9)),
+    "decay with a bound": Problem(decay, of_decay, (1, 0.1), (0, 0), (9, 0.5)),
+    "valley with a bound": Problem(valley, of_valley, (-1.2, 1), (-2, -2), (0.5, 2)),
+    "circle in a corner": Problem(circle, of_circle, (0, 0, 1), (-2, -0.5, 0.5), (2.5, 2, 9)),
+    "start at a bound": Problem(decay, of_decay, (1, 0), (0, 0), (1, 2)),
+}
+
+
+def minimum(problem, iterations=500):
+    """Where the method ends, and why."""
+    n = len(problem.start)
+    labels = [f"x{k}" for k in range(n)]
+    search = Search(*map(np.array, problem.bounds), np.ones(n), 1e-10, labels, lambda step: None)
+    return levenberg_marquardt(search, problem, np.array(problem.start, float), iterations, 0)
+
+
+def expected(problem):
+    return least_squares(
+        problem.residuals,
+        problem.start,
+        problem.jacobian,
+        problem.bounds,
+        method="dogbox",
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+    ).x
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_minimum_is_that_of_scipy(name):
+    problem = PROBLEMS[name]
+    found, stopped = minimum(problem)
+    low, high = problem.bounds
+    assert (found >= low).all()
+    assert (found <= high).all()
+    assert stopped.startswith("converged")
+    # Within 1e-8 of its minimum the loss is flat but for roundings, and no step lowers it
+    np.testing.assert_allclose(found, expected(problem), rtol=0, atol=1e-6)
+
+
+tenths = st.integers(-20, 20).map(lambda k: k / 10)
+three = st.tuples(tenths, tenths, tenths)
+
+
+# A number ends within a rounding of a bound. Were it free to move, its step would be cut off, and
+# those of the others, which were chosen with it, would lead nowhere
+BESIDE_A_BOUND = {
+    "rows": ((0, 0, 0), (-0.6, -0.1, 1.3), (-0.6, 1.1, 0)),
+    "values": (0, 0, -1.4),
+    "low": (-0.3, 0.8, -0.1),
+    "widths": (12, 1, 3),
+}
+
+
+@given(st.tuples(three, three, three), three, three, st.tuples(*[st.integers(1, 30)] * 3))
+@example(**BESIDE_A_BOUND)
+def test_minimum_of_a_linear_problem_within_any_bounds_is_that_of_scipy(rows, values, low, widths):
+    """Three rows of numbers, and a unit matrix below, which keeps the problem well conditioned."""
+    matrix, values = np.concatenate([rows, np.eye(3)]), np.array([*values, 0, 0, 0])
+    low, high = np.array(low), np.array(low) + np.array(widths) / 10
+    problem = Problem(
+        lambda x: matrix @ x - values, lambda x: matrix, tuple((low + high) / 2), low, high
+    )
+    right = lsq_linear(matrix, values, (low, high), method="bvls", tol=1e-15).x
+    np.testing.assert_allclose(minimum(problem)[0], right, rtol=0, atol=1e-6)
