@@ -2,14 +2,17 @@
 other.
 """
 
+import dataclasses
 import re
 
+import drjit as dr
 import numpy as np
 import pytest
 from gradcheck import SUM, adjoint_error, compare, directions, jvp, vjp
 from samples import CAMERA, LIGHT, SECOND_LIGHT, SHIPPED, SKY, SUN, disc, plane, sphere
 from samples import render_plain as render
 
+from whitted.lights import DirectionalLight
 from whitted.scene.files import load_scene
 
 # Every feature at once, all weights strictly between 0 and 1, no number of a parameter 0
@@ -272,3 +275,20 @@ def test_reverse_mode_is_forward_mode_in_example_scenes(path, image_of):
     scene = load_scene(path, "double")
     values = scene.parameters()
     assert adjoint_error(image_of(scene, resolution=(32, 32)), values, directions(values)) < SUM
+
+
+def test_what_a_kernel_takes_may_depend_on_several_parameters(load, image_of, monkeypatch):
+    """A light's `prepared` may make one of its numbers of others; here, irradiance of direction."""
+
+    def prepared(light):
+        brighter = light.irradiance * dr.exp(light.direction.x)
+        return dataclasses.replace(
+            light, direction=dr.normalize(light.direction), irradiance=brighter
+        )
+
+    monkeypatch.setattr(DirectionalLight, "prepared", prepared)
+    loaded = load(SKY + CAMERA + MATERIALS + plane([0, 1, 0], 0.8, "tinted") + SUN)
+    name = "lights.light0.direction"
+    image, values = image_of(loaded), loaded.parameters(name)
+    check_differences(image, values, directions(values), name)
+    assert adjoint_error(image, values, directions(values)) < SUM

@@ -135,6 +135,24 @@ def test_replace_refuses_what_files_refuse_in_the_same_words(load, name):
         load(text()).replace({name: value})
 
 
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (
+            {"camera.look_at": [0, 0, 4]},
+            "camera.look_at = 0, 0, 4: expected a point other than camera.position",
+        ),
+        (
+            {"camera.position": [0, 9, 0]},
+            "camera.up = 0, 1, 0: expected a direction not parallel to the view",
+        ),
+    ],
+)
+def test_replace_refuses_a_camera_that_looks_nowhere(load, values, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}; bound the steps"):
+        load(text()).replace(values)
+
+
 def test_replace_tells_what_to_do(load):
     with pytest.raises(
         ValueError,

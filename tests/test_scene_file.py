@@ -96,8 +96,8 @@ PROBLEMS = [
     ),
     (material("shadow = 1.2"), "materials.red.shadow = 1.2: expected a number in [0, 1]"),
     (
-        light('type = "spot"'),
-        "lights[0].type = \"spot\": expected 'point' or 'directional'; did you mean 'point'?",
+        light('type = "pint"'),
+        "lights[0].type = \"pint\": expected 'point' or 'directional'; did you mean 'point'?",
     ),
     (
         light('type = "dirctional"'),

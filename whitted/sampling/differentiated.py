@@ -51,7 +51,7 @@ class Forward:
         scene, frame = prepare(structure, parameters | wrt, size)
         push_forward(wrt)
         self.scene, self.frame = dr.detach(scene), dr.detach(frame)
-        self.tangents = {name: dr.grad(value) for name, value in _of_scene(scene, wrt).items()}
+        self.tangents = {name: dr.grad(value) for name, value in _moving(scene).items()}
         self._frame_tangent = dr.grad(frame)
 
     def ray(self, ray_of: RayOf) -> tuple[Ray, Array, Array]:
@@ -84,7 +84,7 @@ class Reverse:
         dr.enable_grad(self.wrt)
         scene, frame = prepare(structure, parameters | self.wrt, size)
         moves = any(name.startswith("camera.") for name in wrt)
-        self.inputs = _of_scene(scene, wrt) | (vars(frame) if moves else {})
+        self.inputs = _moving(scene) | (vars(frame) if moves else {})
         self.scene, self.frame = dr.detach(scene), dr.detach(frame)
         self.wide = {name: value + nothing for name, value in dr.detach(self.inputs).items()}
         self.frame_moves = moves
@@ -119,10 +119,14 @@ class Reverse:
         return dr.grad(self.wrt)
 
 
-def _of_scene(scene: Scene, wrt: Parameters) -> Parameters:
-    """The parameters that samples read from the scene, not from the camera's frame."""
-    names = [name for name in wrt if not name.startswith("camera.")]
-    return scene.parameters(*names) if names else {}
+def _moving(scene: Scene) -> Parameters:
+    """The parameters of a prepared scene that depend on those that are differentiated.
+
+    The camera's are left out: samples read its frame.
+    """
+    names = (name for name in scene.locations if not name.startswith("camera."))
+    values = scene.parameters(*names)
+    return {name: value for name, value in values.items() if dr.grad_enabled(value)}
 
 
 def _total(value: Array) -> Array:

@@ -13,7 +13,7 @@ from ..core.parameter import ANY, NON_NEGATIVE, Numbers, parameter, parameters_o
 from ..lights import Light
 from ..shapes import SHAPES, Shape
 from ..shapes.sets import ShapeSet, sets_of
-from .camera import Camera
+from .camera import Camera, view_problem
 from .features import Features, features_of
 from .material import Material
 from .parameters import (
@@ -92,12 +92,27 @@ class Scene:
         # While a kernel is recorded numbers are not known; those of before decide what is compiled
         numbers = {} if _is_recording() else numbers_of(arrays)
         check_numbers(numbers, known)
+        self._check_view(numbers)
         new = self.neutral.keys() & arrays.keys()
         scene = self._with(touched=self.touched | new, **self._changes(arrays))
         scene.__dict__.update(
             numbers=self.numbers | numbers, before=(self.structure, arrays.keys())
         )
         return scene
+
+    def _check_view(self, changed: Mapping[str, Numbers]) -> None:
+        """Refuse a camera that looks nowhere."""
+        names = "camera.position", "camera.look_at"
+        if changed.keys().isdisjoint(names):
+            return
+        position, look_at = (changed.get(name, self.numbers[name]) for name in names)
+        if (wrong := view_problem(position, look_at, self.camera.up)) is not None:
+            field, expected = wrong
+            value = {"look_at": look_at, "up": self.camera.up}[field]
+            told = ", ".join(f"{x:g}" for x in value)
+            raise ValueError(
+                f"camera.{field} = {told}: {expected}; bound the steps of the optimiser"
+            )
 
     def carrying(self, values: Mapping[str, Array]) -> "Scene":
         """The scene with these arrays for its parameters, unchecked and of any width."""

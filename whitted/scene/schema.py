@@ -8,9 +8,10 @@ from typing import Any, get_args
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from ..core.parameter import LARGEST, parameters_of
+from ..core.parameter import parameters_of
 from ..lights import LIGHTS
 from ..shapes import SHAPES
+from .camera import direction, view_problem
 from .scene import MAX_OBJECTS
 from .tables import (
     GROUPS,
@@ -128,7 +129,8 @@ def _material_problems(materials: dict, group: str, i: int, table: dict) -> list
         near = _nearest(name, materials) or ("" if materials else "; the file has no materials")
         return [f"{where}: there is no such material{near}"]
     if isinstance(name, str) and not GROUPS[group].flat and "checker" in _as_table(materials[name]):
-        flat = " and ".join(kind.group for kind in SHAPES if kind.flat)
+        *most, last = (kind.group for kind in SHAPES if kind.flat)
+        flat = f"{', '.join(most)} and {last}"
         return [f"{where}: has a checker, which only {flat} can show"]
     return []
 
@@ -137,7 +139,7 @@ def _direction_problems(where: str, kind: Any, table: dict) -> list[str]:
     found = []
     for name, entry in parameters_of(kind).items():
         value = _vector_or_none(table.get(name)) if entry.legal.direction else None
-        if value is not None and not _direction(value).any():
+        if value is not None and not direction(value).any():
             found.append(
                 f"{where}.{name} = {_shorten(table[name])}: expected a direction, not zero"
             )
@@ -149,16 +151,11 @@ def _camera_problems(camera: dict) -> list[str]:
     up = _vector_or_none(camera.get("up", [0, 1, 0]))
     if position is None or look_at is None:
         return []
-    if np.array_equal(position.astype(np.float32), look_at.astype(np.float32)):
-        value = _shorten(camera["look_at"])
-        return [f"camera.look_at = {value}: expected a point other than camera.position"]
-    if (
-        up is not None
-        and not _direction(np.cross(_direction(look_at - position), _direction(up)), 1e-6).any()
-    ):
-        value = _shorten(camera.get("up", [0, 1, 0]))
-        return [f"camera.up = {value}: expected a direction not parallel to the view"]
-    return []
+    wrong = view_problem(position, look_at, up)
+    if wrong is None:
+        return []
+    field, expected = wrong
+    return [f"camera.{field} = {_shorten(camera.get(field, [0, 1, 0]))}: {expected}"]
 
 
 def _vector_or_none(value: object) -> np.ndarray | None:
@@ -166,12 +163,6 @@ def _vector_or_none(value: object) -> np.ndarray | None:
         return np.array(VectorTable.model_validate({"value": value}).value)
     except ValidationError:
         return None
-
-
-def _direction(v: np.ndarray, least: float = 1 / LARGEST) -> np.ndarray:
-    """The unit vector, or zero for one that is not longer than the least length."""
-    length = np.linalg.norm(v)
-    return v / length if length > least else np.zeros(3)
 
 
 def _dotted(path: tuple[Any, ...]) -> str:
