@@ -44,17 +44,12 @@ class ShapeSet:
 
     kind: type[Shape]
     first: int  # number of the first primitive
-    count: int
     members: tuple[tuple[int, Shape], ...]  # those that can be met, by number
 
     @property
     def made_from(self) -> frozenset[str]:
         """The names of the materials of the set's primitives."""
         return frozenset(shape.material for _, shape in self.members)
-
-    def holds(self, index: Array) -> Array:
-        """Bool: a primitive is of this set."""
-        return (index >= self.first) & (index < self.first + self.count)
 
     def pick(self, index: Array, color: Any) -> Shape:
         """The primitive of this number, one a lane; some legal one in lanes of another number.
@@ -183,8 +178,8 @@ def sets_of(
             for number, shape in own
             if number not in hidden
         )
-        sets.append(ShapeSet(kind, own[0][0], len(own), met))
-    return tuple(sets) or (ShapeSet(Sphere, 0, 0, ()),)
+        sets.append(ShapeSet(kind, own[0][0], met))
+    return tuple(sets) or (ShapeSet(Sphere, 0, ()),)
 
 
 def _blank(entry: Parameter, color: Any) -> Array:
@@ -204,14 +199,15 @@ def _scattered(number: int) -> int:
 class Picked:
     """One primitive a lane, of any kind."""
 
-    parts: Sequence[tuple[Array, Shape]]  # for each kind: a mask of its lanes, and the primitives
+    # For each kind in turn: Bool, the lane's kind is this one or a later one; and the primitives
+    parts: Sequence[tuple[Array, Shape]]
 
     def of(self, function: Callable[[Any], Any]) -> Any:
         """A function of the lane's own shape; in lanes without one, of a blank shape."""
         (_, shape), *others = self.parts
         result = function(shape)
-        for mask, shape in others:
-            result = dr.select(mask, function(shape), result)
+        for here, shape in others:
+            result = dr.select(here, function(shape), result)
         return result
 
     def whether(self, flag: Callable[[type[Shape]], bool]) -> Array | bool:
@@ -220,11 +216,11 @@ class Picked:
         if len(set(flags)) == 1:
             return flags[0]
         result = type(self.parts[0][0])(flags[0])
-        for (mask, _), own in zip(self.parts[1:], flags[1:], strict=True):
-            result = dr.select(mask, own, result)
+        for (here, _), own in zip(self.parts[1:], flags[1:], strict=True):
+            result = result | here if own else result & ~here
         return result
 
 
 def pick(sets: Sequence[ShapeSet], index: Array, color: Any) -> Picked:
     """The primitives of these numbers. `color` is any colour, whose types are taken."""
-    return Picked([(one.holds(index), one.pick(index, color)) for one in sets])
+    return Picked([(index >= one.first, one.pick(index, color)) for one in sets])
