@@ -610,8 +610,9 @@ def check_finite(loaded, **options):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-def test_gradients_of_example_scenes_are_finite(path, precision):
-    check_finite(load_scene(path, precision), resolution=(24, 24), max_depth=5)
+def test_gradients_of_example_scenes_are_finite(path):
+    """In single precision, whose range is the smaller one."""
+    check_finite(load_scene(path), resolution=(24, 24), max_depth=5)
 
 
 def test_image_in_bands_is_the_image_in_one(load, monkeypatch, precision):
