@@ -99,13 +99,17 @@ def test_faint_edges_are_found(load, precision):
     np.testing.assert_allclose(slope.sum((0, 1)), -0.01 * area_slope, rtol=pixel**2 / 24)
 
 
+ASKEW = AHEAD + "up = [0.4, 1, 0]\n"
+CHECKS = material(
+    "checks", color=[0.9, 0.1, 0.2], checker="{ color = [0.1, 0.8, 0.7], size = 0.37 }"
+)
+
 # Each kind of edge: scene, parameter, component, and the largest error, relative to the image of
 # derivatives. With 16 samples a pixel, an edge is straight over a quarter of a pixel. That alone
 # would leave 1 %, as it does where edges are smooth and apart (0.1 % to 1.3 % are left). In pixels
 # where edges end, meet or turn back, a quarter of a pixel's edge may be off: of some tenth of all
 # pixels that have one, 5 %. Mirrors, glass and checkerboards crowd edges into less than a quarter
 # of a pixel, which doubles it (up to 9 %)
-
 KINDS = {
     "silhouette": (
         GLOW + SKY_LIGHT + AHEAD + RED + ball([0.1, 0.2, 0], 0.8, "red"),
@@ -372,38 +376,19 @@ KINDS = {
         0.05,
     ),
     "size of a checkerboard": (
-        GLOW
-        + AHEAD
-        + "up = [0.4, 1, 0]\n"
-        + material(
-            "checks", color=[0.9, 0.1, 0.2], checker="{ color = [0.1, 0.8, 0.7], size = 0.37 }"
-        )
-        + wall([0.1, 0.2, 1], 0.5, "checks"),
+        GLOW + ASKEW + CHECKS + wall([0.1, 0.2, 1], 0.5, "checks"),
         "materials.checks.checker.size",
         0,
         0.10,
     ),
     "checkerboard on a disc": (
-        GLOW
-        + SKY_LIGHT
-        + AHEAD
-        + "up = [0.4, 1, 0]\n"
-        + material(
-            "checks", color=[0.9, 0.1, 0.2], checker="{ color = [0.1, 0.8, 0.7], size = 0.37 }"
-        )
-        + disc([0, 0, 0], [0.1, 0.2, 1], 1.2, "checks"),
+        GLOW + SKY_LIGHT + ASKEW + CHECKS + disc([0, 0, 0], [0.1, 0.2, 1], 1.2, "checks"),
         "materials.checks.checker.size",
         0,
         0.10,
     ),
     "checkerboard": (
-        GLOW
-        + AHEAD
-        + "up = [0.4, 1, 0]\n"
-        + material(
-            "checks", color=[0.9, 0.1, 0.2], checker="{ color = [0.1, 0.8, 0.7], size = 0.37 }"
-        )
-        + wall([0.1, 0.2, 1], 0.5, "checks"),
+        GLOW + ASKEW + CHECKS + wall([0.1, 0.2, 1], 0.5, "checks"),
         "camera.position",
         0,
         0.10,
