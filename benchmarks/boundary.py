@@ -79,6 +79,8 @@ def panels(names: list[str]):
         panel.grid(alpha=0.3)
     for panel in grid[-1]:
         panel.set_xlabel("samples a pixel")
+    for panel in grid.flat[len(names) :]:
+        panel.set_axis_off()
     return figure, dict(zip(names, grid.flat, strict=False))
 
 
