@@ -196,7 +196,7 @@ def crossings(call: Callable) -> int:
 
     def counted(band, keep):
         pixels, edges = correct(band, keep)
-        found.append(sum(len(crossings) for _, crossings, _ in edges.crossed))
+        found.append(sum(len(chunk.crossings) for chunk in edges.crossed))
         return pixels, edges
 
     correct = job.correct
