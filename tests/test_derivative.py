@@ -188,7 +188,7 @@ def test_derivative_by_the_index_of_what_is_around_the_camera(load, image_of):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("depth", "importance"), [(7, 0), (7, 0.05)])
+@pytest.mark.parametrize(("depth", "importance"), [(1, 0), (7, 0), (7, 0.05)])
 def test_derivatives_by_all_parameters_at_once_add_up(load, image_of, depth, importance):
     scene = load(f"min_importance = {importance}\n" + ALL)
     image, values = image_of(scene, max_depth=depth, spp=4), scene.parameters()
