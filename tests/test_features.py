@@ -77,11 +77,11 @@ def test_ground_becomes_compensated_when_the_camera_comes_near(load):
     """
     far, near = (load(ground(height), "single") for height in (1e3, 0.5))
     landed = far.replace({"camera.position": [0, 0.5, 4]})
-    assert [bool(x.features.compensated) for x in (far, near, landed)] == [False, True, True]
+    assert [bool(x.features.places.compensated) for x in (far, near, landed)] == [False, True, True]
     np.testing.assert_array_equal(picture(landed), picture(near))
     again = landed.replace({"camera.position": [0, 1e3, 4]})
     np.testing.assert_array_equal(picture(again), picture(far))
-    assert not load(ground(0.5), "double").features.compensated
+    assert not load(ground(0.5), "double").features.places.compensated
 
 
 # What `Scene.replace` refuses

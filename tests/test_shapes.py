@@ -26,7 +26,9 @@ CAMERA = camera([0, 0, 4], fov=45, resolution=(48, 48))
 
 
 def ball(vector, center, radius, compensated=False):
-    return Sphere("ball", "", vector(*map(float, center)), dr.value_t(vector)(radius), compensated)
+    return Sphere(
+        "ball", "", vector(*map(float, center)), dr.value_t(vector)(radius), compensated=compensated
+    )
 
 
 def ray_of(o, d, inward=False):
@@ -61,7 +63,10 @@ def test_ray_near_a_tangent_meets_or_misses_the_same_to_search_and_shadow(
         radius, d = real(1), vector(math.cos(direction), math.sin(direction), 0)
         side = vector(-math.sin(direction), math.cos(direction), 0)
         o = -3 * d + side * (1 + offset)
-        target, no = Sphere("", "", vector(0), radius, compensated), dr.mask_t(radius)(False)
+        target, no = (
+            Sphere("", "", vector(0), radius, compensated=compensated),
+            dr.mask_t(radius)(False),
+        )
         t, hit, _ = target.distance(ray_of(o, d), no)
         beyond = ShadowRay(o, d, real(6), o + 6 * d, dr.uint32_array_t(real)(NONE), no)
         assert hit.numpy() == target.blocks(beyond, no).numpy()
@@ -289,7 +294,9 @@ def test_ray_that_leaves_a_sphere_outward_never_meets_it_again(
     fail.
     """
     center, radius, size = sphere
-    target = Sphere("", "", alike(precision, *center), alike(precision, radius), compensated)
+    target = Sphere(
+        "", "", alike(precision, *center), alike(precision, radius), compensated=compensated
+    )
     o, d, onward = (lanes(precision, rows) for rows in (o * size + center[:, None], d, onward))
     no = dr.mask_t(target.radius)(False)
     t, hit, _ = target.distance(ray_of(o, d), no)
@@ -314,7 +321,9 @@ def test_ray_that_leaves_a_sphere_outward_never_meets_it_again(
 def test_search_and_shadow_test_agree(precision, compensated, sphere, a, b):
     """A sphere keeps a light away exactly where a ray to the light would meet it first."""
     center, radius, size = sphere
-    target = Sphere("", "", alike(precision, *center), alike(precision, radius), compensated)
+    target = Sphere(
+        "", "", alike(precision, *center), alike(precision, radius), compensated=compensated
+    )
     a, b = (lanes(precision, rows * size + center[:, None]) for rows in (a, b))
     ray, no = segment(a, b), dr.mask_t(target.radius)(False)
     t, hit, _ = target.distance(ray_of(ray.o, ray.d), no)

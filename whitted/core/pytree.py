@@ -1,7 +1,8 @@
 """Nested tuples, dictionaries and dataclasses of arrays, taken apart and put together again."""
 
 from collections.abc import Hashable, Iterable, Iterator
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
+from functools import cache
 from typing import Any
 
 import drjit as dr
@@ -28,9 +29,14 @@ def take_apart(value: Any, arrays: list[Array]) -> Hashable:
     if kind is dict:
         return kind, tuple(value), tuple([take_apart(part, arrays) for part in value.values()])
     if is_dataclass(kind):
-        names = tuple(kind.__dataclass_fields__)
+        names = _names(kind)
         return kind, names, tuple([take_apart(getattr(value, name), arrays) for name in names])
     return value
+
+
+@cache
+def _names(kind: Any) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(kind))
 
 
 def put_together(structure: Any, arrays: Iterator[Array]) -> Any:

@@ -33,3 +33,5 @@ class ShadowRay:
     end: Array | None  # Array3f: where the light is; None for one at infinity
     source: Array  # UInt32: number of the primitive that the point lies on
     inward: Array  # Bool: the segment leaves into that primitive
+    # Numbers of the primitives that the light is exactly on
+    ends_on: frozenset[int] = frozenset()

@@ -112,9 +112,9 @@ def _classify_light(
     scene: Scene, event: Event, k: int, here: Decisions, there: Decisions, at: Surface, to: Surface
 ) -> None:
     """A light reaches one side only: the terminator is in between, or the end of a shadow."""
-    light, uint = scene.lights[k], type(event.kind)
+    uint = type(event.kind)
     changes = here.lights[k] != there.lights[k]
-    one, two = incident(scene, at, light), incident(scene, to, light)
+    one, two = incident(scene, at, k), incident(scene, to, k)
     shadow_ends = changes & (one.dark != two.dark)
     if here.veils:
         dims = here.veils[k] != there.veils[k]

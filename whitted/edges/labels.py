@@ -55,7 +55,7 @@ class Decisions:
 def decide(scene: Scene, seen: Visit) -> Decisions:
     """The decisions at a node."""
     ray, at = seen.node.ray, seen.at
-    incidents = [incident(scene, at, light) for light in scene.lights]
+    incidents = [incident(scene, at, k) for k in range(len(scene.lights))]
     return Decisions(
         index=at.hit.index,
         inside=at.hit.inside,

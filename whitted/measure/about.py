@@ -69,8 +69,8 @@ def features(scene: Scene) -> list[str]:
         "Fresnel": weights_vary(scene),
         "media search": sum(one.made_of(materials_that_fill) for one in scene.sets) > 1,
         "least importance": scene.min_importance > 0,
-        "compensated sums": bool(facts.compensated),
-        "coinciding primitives": bool(facts.hidden),
+        "compensated sums": bool(facts.places.compensated),
+        "coinciding primitives": bool(facts.places.hidden),
         "tree of rays": branches_out(scene),
         "chain of rays": reflects(scene) and not branches_out(scene),
     }

@@ -9,9 +9,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from ..core.arrays import SINGLE
 from ..shapes import SHAPES
-from ..shapes.places import told_by_places
+from ..shapes.places import Places, places_of
 from .material import Material
 
 if TYPE_CHECKING:
@@ -28,14 +27,12 @@ class Features:
     coated: frozenset[str]
     # Materials whose shapes keep no light away
     shadowless: frozenset[str]
-    # Primitives that coincide with an earlier one, and so are never met
-    hidden: frozenset[int]
-    # Primitives that need sums that keep their rounding errors
-    compensated: frozenset[int]
+    # Where the primitives are, as seen from the eye and the lights
+    places: Places
 
 
-# Beginnings of the names of parameters that tell where the shapes and the eye are
-PLACES = ("camera.position", *(f"{kind.group}." for kind in SHAPES))
+# Beginnings of the names of parameters that tell where the shapes, the lights and the eye are
+PLACES = ("camera.position", "lights.", *(f"{kind.group}." for kind in SHAPES))
 
 
 def features_of(
@@ -53,10 +50,10 @@ def features_of(
     else:
         of_materials = before.live, before.coated, before.shadowless
     if before is None or any(name.startswith(PLACES) for name in changed):
-        of_places = _of_places(scene)
+        places = _of_places(scene)
     else:
-        of_places = before.hidden, before.compensated
-    return Features(*of_materials, *of_places)
+        places = before.places
+    return Features(*of_materials, places)
 
 
 def _of_materials(scene: "Scene") -> tuple[frozenset[str], frozenset[str], frozenset[str]]:
@@ -78,12 +75,11 @@ def _of_materials(scene: "Scene") -> tuple[frozenset[str], frozenset[str], froze
     return frozenset(live), frozenset(coated), frozenset(shadowless)
 
 
-def _of_places(scene: "Scene") -> tuple[frozenset[int], frozenset[int]]:
-    """Which primitives are hidden, and which need compensated sums."""
+def _of_places(scene: "Scene") -> Places:
     numbers = scene.numbers
-    eye = numbers["camera.position"] if scene.precision is SINGLE else None
     by_shape = ([numbers[name] for name in names] for names in scene.names_by_shape)
-    return told_by_places(scene.shapes, by_shape, eye)
+    lights = [numbers.get(f"lights.{light.name}.position") for light in scene.lights]
+    return places_of(scene.shapes, by_shape, numbers["camera.position"], lights, scene.precision)
 
 
 def may(scene: "Scene", material: Material, field: str) -> bool:

@@ -212,7 +212,7 @@ class Scene:
     @cached_property
     def sets(self) -> tuple[ShapeSet, ...]:
         """The primitives that rays can meet, by kind of shape."""
-        return sets_of(self.shapes, self.features.hidden, self.features.compensated)
+        return sets_of(self.shapes, self.features.places)
 
 
 def _is_recording() -> bool:

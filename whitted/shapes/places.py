@@ -1,39 +1,81 @@
-"""What the numbers of shapes tell of their primitives, before a ray is traced."""
+"""What the numbers of shapes, lights and the eye tell, before a ray is traced."""
 
 from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
+from ..core.arrays import Precision
 from ..core.parameter import Numbers
 from .shape import Shape
 
 
-def told_by_places(
-    shapes: Sequence[Shape], numbers: Iterable[Sequence[Numbers]], eye: Numbers | None
-) -> tuple[frozenset[int], frozenset[int]]:
-    """Which primitives are hidden, and which need compensated sums, by their numbers in the scene.
+@dataclass(frozen=True)
+class Places:
+    """Facts about where primitives are; they are named by their numbers in the scene."""
+
+    # Those that coincide with an earlier one, and so are never met
+    hidden: frozenset[int]
+    # Those that need sums that keep their rounding errors
+    compensated: frozenset[int]
+    # Those that the eye is exactly on
+    under_eye: frozenset[int]
+    # For each light, those that it is exactly on
+    under_lights: tuple[frozenset[int], ...]
+
+
+def places_of(
+    shapes: Sequence[Shape],
+    numbers: Iterable[Sequence[Numbers]],
+    eye: Numbers,
+    lights: Sequence[Numbers | None],
+    precision: Precision,
+) -> Places:
+    """The facts about some shapes.
 
     Args:
         numbers: those of each shape, in the order of its parameters.
-        eye: the position of the camera; None in double precision, which needs no compensated sums.
-
-    Returns:
-        The primitives that coincide with an earlier one, and so are never met; and those that
-        single precision would meet at the wrong places.
+        eye: the position of the camera.
+        lights: the position of each light; None for one at infinity.
+        precision: that of the numbers.
     """
-    places: dict[Hashable, int] = {}
-    hidden, compensated = set(), set()
+    seen: dict[Hashable, int] = {}
+    hidden: set[int] = set()
+    compensated: set[int] = set()
+    under_eye: set[int] = set()
+    under_lights: list[set[int]] = [set() for _ in lights]
     for k, (shape, own) in enumerate(zip(shapes, numbers, strict=True)):
-        place, careful = _told(type(shape), eye, *own)
-        if places.setdefault(place, k) != k:
+        kind = type(shape)
+        if seen.setdefault(_place(kind, *own), k) != k:
             hidden.add(k)
-        if careful:
+        if _careful(kind, eye, precision, *own):
             compensated.add(k)
-    return frozenset(hidden), frozenset(compensated)
+        for point, under in ((eye, under_eye), *zip(lights, under_lights, strict=True)):
+            if point is not None and _passes_through(kind, point, precision, *own):
+                under.add(k)
+    return Places(
+        frozenset(hidden),
+        frozenset(compensated),
+        frozenset(under_eye),
+        tuple(map(frozenset, under_lights)),
+    )
 
 
 # From one step of an optimiser to the next, most shapes stay where they are
-@lru_cache(maxsize=1 << 12)
-def _told(kind: type[Shape], eye: Numbers | None, *numbers: Numbers) -> tuple[Hashable, bool]:
-    """A shape's place among all kinds, and whether it needs compensated sums."""
-    careful = eye is not None and kind.needs_compensation(eye, *numbers)
-    return (kind, kind.place(*numbers)), careful
+_REMEMBERED = 1 << 12
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _place(kind: type[Shape], *numbers: Numbers) -> Hashable:
+    return kind, kind.place(*numbers)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _careful(kind: type[Shape], eye: Numbers, precision: Precision, *numbers: Numbers) -> bool:
+    return kind.needs_compensation(eye, precision, *numbers)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _passes_through(
+    kind: type[Shape], point: Numbers, precision: Precision, *numbers: Numbers
+) -> bool:
+    return kind.passes_through(point, precision, *numbers)

@@ -1,8 +1,9 @@
 """Planes: the points p with normal . p + offset = 0."""
 
 import math
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
+from operator import mul
 
 import drjit as dr
 
@@ -35,6 +36,10 @@ class Plane(FlatShape):
     def outline(self, o: Array, d: Array) -> Array:
         """The horizon: lines along the plane."""
         return dr.dot(self.normal, d)
+
+    @classmethod
+    def terms(cls, point: Numbers, fields: Mapping[str, Numbers]) -> list[float]:
+        return [*map(mul, fields["normal"], point), *fields["offset"]]
 
     @classmethod
     def place(cls, *numbers: Numbers) -> Hashable:

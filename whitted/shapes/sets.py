@@ -16,6 +16,7 @@ import drjit as dr
 from ..core.arrays import Array, any_true, select
 from ..core.parameter import POSITIVE, Parameter, parameters_of
 from ..core.ray import NONE, Ray, ShadowRay
+from .places import Places
 from .shape import Shape
 from .sphere import Sphere
 
@@ -61,9 +62,10 @@ class ShapeSet:
         for field, entry in parameters_of(self.kind).items():
             table = ((number, getattr(shape, field)) for number, shape in self.members)
             fields[field] = select(index, table, _blank(entry, color))
-        picked: Any = self.kind("", "", **fields)  # type: ignore[call-arg]
+        picked: Any = self.kind("", "", **fields)
         careful = any(shape.compensated for _, shape in self.members)
-        return replace(picked, compensated=True) if careful else picked
+        on = [index == number for number, shape in self.members if shape.under_eye]
+        return _flagged(picked, careful, any_true(on, on[0]) if on else False)
 
     def closest(self, ray: Ray, hit: Hit) -> Hit:
         """The nearest primitive along a ray, where it is nearer than a hit."""
@@ -108,7 +110,9 @@ class ShapeSet:
         other, nearest = best
         for number, shape in self.members:
             if shape.material in materials:
-                here, there = (shape.blocks(ray, ray.source == number) for ray in (a, b))
+                here, there = (
+                    shape.blocks(ray, ray.source == number, number in ray.ends_on) for ray in (a, b)
+                )
                 gap = shape.outline(dr.select(here, b.o, a.o), dr.select(here, b.d, a.d))
                 better = (here ^ there) & (gap > nearest)
                 other, nearest = dr.select(better, number, other), dr.select(better, gap, nearest)
@@ -157,29 +161,31 @@ class ShapeSet:
         """Number and material of each primitive of some materials, and Bool: it is crossed."""
         for number, shape in self.members:
             if shape.material in materials:
-                yield number, shape.material, shape.blocks(ray, ray.source == number)
+                crosses = shape.blocks(ray, ray.source == number, number in ray.ends_on)
+                yield number, shape.material, crosses
 
 
-def sets_of(
-    shapes: Sequence[Shape], hidden: Collection[int], compensated: Collection[int]
-) -> tuple[ShapeSet, ...]:
+def sets_of(shapes: Sequence[Shape], places: Places) -> tuple[ShapeSet, ...]:
     """The sets of some shapes; at least one, which may be empty.
 
     Args:
         shapes: by kind, in the order of `SHAPES`.
-        hidden: the primitives that rays never meet.
-        compensated: the primitives that need compensated sums.
     """
     sets = []
     for kind, members in groupby(enumerate(shapes), lambda member: type(member[1])):
         own = list(members)
         met = tuple(
-            (number, replace(shape, compensated=True) if number in compensated else shape)  # type: ignore[type-var]
+            (number, _flagged(shape, number in places.compensated, number in places.under_eye))
             for number, shape in own
-            if number not in hidden
+            if number not in places.hidden
         )
         sets.append(ShapeSet(kind, own[0][0], met))
     return tuple(sets) or (ShapeSet(Sphere, 0, ()),)
+
+
+def _flagged(shape: Any, compensated: bool, under_eye: Array | bool) -> Any:
+    """A shape as kernels compute it."""
+    return replace(shape, compensated=compensated, under_eye=under_eye)
 
 
 def _blank(entry: Parameter, color: Any) -> Array:

@@ -7,15 +7,17 @@ on the primitive that its ray has met, however many primitives the scene has (`s
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Hashable
+from dataclasses import dataclass, field
 from typing import ClassVar, TypeVar
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Precision
 from ..core.parameter import Numbers
 from ..core.ray import Ray, ShadowRay
 
 Own = TypeVar("Own", bound="Shape")
 
 
+@dataclass(frozen=True)
 class Shape(ABC):
     """A primitive, or one a lane: a frozen dataclass with a name, a material and parameters."""
 
@@ -29,11 +31,13 @@ class Shape(ABC):
     casts_edges: ClassVar[bool]
     # Radiance beside its outline changes like the square root of the distance
     rooted: ClassVar[bool]
-    # Set in kernels: it is computed with sums that keep their rounding errors
-    compensated: bool = False
 
     name: str
     material: str
+    # Set in kernels: it is computed with sums that keep their rounding errors
+    compensated: bool = field(default=False, kw_only=True)
+    # Set in kernels: the eye is exactly on it; Bool where there is one primitive a lane
+    under_eye: Array | bool = field(default=False, kw_only=True)
 
     @abstractmethod
     def distance(self, ray: Ray, on: Array) -> tuple[Array, Array, Array]:
@@ -56,11 +60,12 @@ class Shape(ABC):
         """
 
     @abstractmethod
-    def blocks(self, ray: ShadowRay, on: Array) -> Array:
+    def blocks(self, ray: ShadowRay, on: Array, ends_on: bool = False) -> Array:
         """Bool: the shape crosses the open segment from a surface to a light.
 
         Args:
             on: Bool, the surface is that of this very shape.
+            ends_on: the light is exactly on this very shape.
         """
 
     @abstractmethod
@@ -94,6 +99,11 @@ class Shape(ABC):
         return numbers
 
     @classmethod
-    def needs_compensation(cls, eye: Numbers, *numbers: Numbers) -> bool:
-        """Whether single precision needs compensated sums to meet a shape with these numbers."""
+    @abstractmethod
+    def passes_through(cls, point: Numbers, precision: Precision, *numbers: Numbers) -> bool:
+        """Whether a point is exactly on a shape with these numbers, which have some precision."""
+
+    @classmethod
+    def needs_compensation(cls, eye: Numbers, precision: Precision, *numbers: Numbers) -> bool:
+        """Whether rays from the eye need compensated sums to meet a shape with these numbers."""
         return False

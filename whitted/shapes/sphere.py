@@ -7,19 +7,20 @@ chapter 7.
 
 import math
 from dataclasses import dataclass
+from fractions import Fraction
 
 import drjit as dr
 
-from ..core.arrays import Array
-from ..core.numerics import two_sum
+from ..core.arrays import Array, Precision
+from ..core.numerics import safe_sqrt, two_sum
 from ..core.parameter import POSITIVE, Numbers, Scale, parameter
-from ..core.ray import Ray, ShadowRay
+from ..core.ray import NONE, Ray, ShadowRay
 from .shape import Shape
 
 # An eye closer to a sphere than this part of the radius needs compensated sums: the level there is
-# a difference of squares, which loses five bits of 24 at 1/32. A larger part makes more scenes
-# slower.
-NEAR = 1 / 32
+# a difference of squares, which loses five bits of 24 at 1/32, and 34 of 53 at 2^-34. A larger part
+# makes more scenes slower.
+NEAR = {"single": 1 / 32, "double": 2.0**-34}
 
 
 @dataclass(frozen=True)
@@ -34,10 +35,12 @@ class Sphere(Shape):
     material: str
     center: Array = parameter(3, scale=Scale(1, "radius"))
     radius: Array = parameter(1, POSITIVE, scale=Scale(1, "radius"))
-    compensated: bool = False
 
     def distance(self, ray: Ray, on: Array) -> tuple[Array, Array, Array]:
-        """A ray that starts on the sphere meets it again at 2 b if it goes inward, else never."""
+        """A ray that starts on the sphere meets it again at 2 b if it goes inward, else never.
+
+        An eye on the sphere is outside of it: its rays enter right there, or never.
+        """
         b, discriminant = self._chord(ray.o, ray.d)
         half = dr.sqrt(discriminant)
         if self.compensated:
@@ -49,23 +52,32 @@ class Sphere(Shape):
         else:
             near, far = b - half, b + half
             within = near <= 0
-        t = dr.select(on, dr.fmax(2 * b, 0), dr.select(within, far, near))
-        return t, dr.select(on, ray.inward, (discriminant > 0) & (t > 0)), on | within
+        meets = discriminant > 0
+        if self.under_eye is not False:
+            first = (ray.source == NONE) & self.under_eye
+            near, within = dr.select(first, 0, near), within & ~first
+            t = dr.select(within, far, near)
+            meets &= (t > 0) | (first & (b > 0))
+        else:
+            t = dr.select(within, far, near)
+            meets &= t > 0
+        return dr.select(on, dr.fmax(2 * b, 0), t), dr.select(on, ray.inward, meets), on | within
 
     def reach(self, ray: Ray, on: Array, inside: Array) -> Array:
         b, discriminant = self._chord(ray.o, ray.d)
         half = dr.sqrt(dr.select(discriminant > 0, discriminant, 0))
         return dr.select(on, 2 * b, dr.select(inside, b + half, b - half))
 
-    def blocks(self, ray: ShadowRay, on: Array) -> Array:
+    def blocks(self, ray: ShadowRay, on: Array, ends_on: bool = False) -> Array:
         """One end of the segment is in the sphere and the other is not; or both are outside, and
         the line's point nearest to the center lies between them and in the sphere.
 
-        No root is taken, so that a light exactly on the sphere makes no noise.
+        A light exactly on the sphere is outside of it.
         """
         b, discriminant = self._chord(ray.o, ray.d)
         starts_in = dr.select(on, ray.inward, self.level(ray.o) < 0)
-        ends_in = dr.mask_t(b)(False) if ray.end is None else self.level(ray.end) < 0
+        outside = ray.end is None or ends_on
+        ends_in = dr.mask_t(b)(False) if outside else self.level(ray.end) < 0
         leaves = (starts_in ^ ends_in) & ~(on & ~ray.inward)
         between = (discriminant > 0) & (b > 0) & (b < ray.distance)
         return leaves | (~on & ~starts_in & ~ends_in & between)
@@ -93,8 +105,15 @@ class Sphere(Shape):
         return (dr.squared_norm(outward) - self.radius * self.radius) / 2, outward
 
     def outline(self, o: Array, d: Array) -> Array:
-        """The discriminant: radius^2 less the squared distance of the center from the line."""
-        return self._chord(o, d)[1]
+        """The discriminant: radius^2 less the squared distance of the center from the line.
+
+        Of a line that starts on the sphere it is never negative. Then the cosine tells instead, by
+        how much the line dips below the horizon.
+        """
+        b, discriminant = self._chord(o, d)
+        if self.under_eye is False:
+            return discriminant
+        return dr.select(self.under_eye, b - safe_sqrt(self.level(o)), discriminant)
 
     def extent(self) -> Array:
         return self.radius
@@ -113,6 +132,22 @@ class Sphere(Shape):
         return b, dr.fma(self.radius, self.radius, -dr.squared_norm(miss))
 
     @classmethod
-    def needs_compensation(cls, eye: Numbers, *numbers: Numbers) -> bool:
+    def passes_through(cls, point: Numbers, precision: Precision, *numbers: Numbers) -> bool:
+        """Exactly, for the numbers themselves, or for the decimals that they stand for."""
         center, (radius,) = numbers
-        return abs(math.dist(eye, center) - radius) < NEAR * radius
+        largest = max(map(abs, (*point, *center, radius)))
+        if abs(math.dist(point, center) - radius) > 4 * precision.epsilon * largest:
+            return False
+
+        def written(x: float) -> Fraction:
+            return Fraction(str(precision.dtype(x)))
+
+        return any(
+            sum((of(a) - of(b)) ** 2 for a, b in zip(point, center, strict=True)) == of(radius) ** 2
+            for of in (Fraction, written)
+        )
+
+    @classmethod
+    def needs_compensation(cls, eye: Numbers, precision: Precision, *numbers: Numbers) -> bool:
+        center, (radius,) = numbers
+        return abs(math.dist(eye, center) - radius) < NEAR[precision.name] * radius

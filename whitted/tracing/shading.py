@@ -21,8 +21,8 @@ def emitted(scene: Scene, ray: Ray, at: Surface) -> Array:
     color = albedo(scene, at)
     radiance = scene.ambient * color if "ambient" in scene.features.live else type(at.p)(0)
     gloss = highlight(scene, at) if glossy(scene) else None
-    for light in scene.lights:
-        seen = incident(scene, at, light)
+    for k, light in enumerate(scene.lights):
+        seen = incident(scene, at, k)
         sent = color * seen.cosine
         if gloss is not None:
             specular, shininess = gloss

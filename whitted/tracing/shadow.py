@@ -6,7 +6,6 @@ import drjit as dr
 
 from ..core.arrays import Array
 from ..core.ray import ShadowRay
-from ..lights import Light
 from ..lights.light import Toward
 from ..scene.features import shadow
 from ..scene.scene import Scene
@@ -34,11 +33,16 @@ class Incident:
         return self.blocked | (dr.detach(self.transmitted) == 0)
 
 
-def incident(scene: Scene, at: Surface, light: Light) -> Incident:
-    """Where a light is as seen from a surface, and what is in between."""
-    toward = light.toward(at.p)
+def incident(scene: Scene, at: Surface, number: int) -> Incident:
+    """Where a light of this number is as seen from a surface, and what is in between."""
+    toward = scene.lights[number].toward(at.p)
     cosine = dr.dot(at.n, toward.direction)
-    ray = shadow_ray(at, toward)
+    ends_on = scene.features.places.under_lights[number]
+    for primitive in ends_on:
+        # A flat surface that the light is on, it grazes: rounding would tell which side it is on
+        along = at.shape.whether(lambda kind: kind.flat) & (at.hit.index == primitive)
+        cosine = dr.select(along, 0, cosine)
+    ray = shadow_ray(at, toward, ends_on)
     sets = dr.detach(scene).sets
     blocked = dr.mask_t(cosine)(False)
     full = shadowing(scene, "full")
@@ -59,7 +63,8 @@ def shadowing(scene: Scene, *how: str) -> list[str]:
     return [material.name for material in scene.used if shadow(scene, material) in how]
 
 
-def shadow_ray(at: Surface, toward: Toward) -> ShadowRay:
+def shadow_ray(at: Surface, toward: Toward, ends_on: frozenset[int]) -> ShadowRay:
     """The segment from a surface to a light, detached."""
     p, toward = dr.detach(at.p), dr.detach(toward)
-    return ShadowRay(p, toward.direction, toward.distance, toward.end, at.hit.index, at.hit.inside)
+    segment = p, toward.direction, toward.distance, toward.end
+    return ShadowRay(*segment, at.hit.index, at.hit.inside, ends_on)
