@@ -136,21 +136,3 @@ def test_not_an_image(tmp_path, pixels):
         (tmp_path / f"b{ending}").write_bytes(whole[: len(whole) // 2])
         with pytest.raises(ValueError, match=rf"b\{ending}: not an? (readable )?{kind}"):
             read_image(tmp_path / f"b{ending}")
-
-
-def test_not_rgb(tmp_path, pixels):
-    gray = np.ascontiguousarray(pixels[..., 0])
-    with OpenEXR.File({"type": OpenEXR.scanlineimage}, {"Z": gray}) as file:
-        file.write(str(tmp_path / "z.exr"))
-    with pytest.raises(ValueError, match=r"z\.exr: not an RGB image; its channels are Z"):
-        read_image(tmp_path / "z.exr")
-    Image.fromarray(np.zeros((3, 3), np.uint8)).save(tmp_path / "l.png")
-    with pytest.raises(ValueError, match=r"l\.png: not an RGB image; its mode is L"):
-        read_image(tmp_path / "l.png")
-
-
-def test_alpha_is_ignored(tmp_path):
-    Image.fromarray(np.full((2, 2, 4), 255, np.uint8)).save(tmp_path / "a.png")
-    np.testing.assert_array_equal(
-        read_image(tmp_path / "a.png").numpy(), np.ones((2, 2, 3), np.float32)
-    )

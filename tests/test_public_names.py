@@ -30,7 +30,7 @@ NAMES = {
         "max_depth=None, resolution=None, progress=None)"
     ),
     "load_scene": "(path, precision='single')",
-    "read_image": "(path)",
+    "read_image": "(path, layer=None)",
     "render": (
         "(scene, spp=1, *, error=None, boundary=None, terms='both', max_depth=None, "
         "resolution=None, progress=None)"

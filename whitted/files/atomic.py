@@ -19,8 +19,12 @@ def atomically(path: Path, write: Callable[[Path], None]) -> None:
     """
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, "is a folder; name a file", str(path))
-    # Keep the suffix: Pillow and matplotlib choose the format by it
-    name = f".{path.stem}-{os.getpid()}-{secrets.token_hex(4)}{path.suffix.lower()}"
+    if path.exists() and not os.access(path, os.W_OK):
+        # To rename another file to its name would succeed
+        message = "is protected from being written; choose another name"
+        raise PermissionError(errno.EACCES, message, str(path))
+    # Keep the suffix: Pillow and matplotlib choose the format by it. A name has at most 255 bytes
+    name = f".{path.stem[:20]}-{os.getpid()}-{secrets.token_hex(4)}{path.suffix.lower()}"
     temporary = path.with_name(name)
     try:
         write(temporary)

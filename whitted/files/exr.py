@@ -1,4 +1,4 @@
-"""OpenEXR files: float32 R, G, B in ZIP-compressed scanlines."""
+"""Writing OpenEXR files: float32 R, G, B in ZIP-compressed scanlines."""
 
 import contextlib
 import errno
@@ -82,25 +82,3 @@ def _after_zero(data: mmap.mmap, offset: int) -> int:
     if found < 0:
         raise ValueError("the file ends in its header")
     return found + 1
-
-
-def read(path: Path) -> np.ndarray:
-    """Read an EXR.
-
-    Returns:
-        The channels R, G, B, of shape (height, width, 3).
-
-    Raises:
-        ValueError: not an EXR, a damaged one, or one without R, G, B.
-    """
-    import OpenEXR
-
-    try:
-        with OpenEXR.File(str(path)) as file:
-            channels = {name: channel.pixels for name, channel in file.channels().items()}
-    except (RuntimeError, TypeError, ValueError, MemoryError):
-        raise ValueError(f"{path}: not an EXR, or damaged") from None
-    for name in ("RGB", "RGBA"):
-        if name in channels:
-            return channels[name][..., :3]
-    raise ValueError(f"{path}: not an RGB image; its channels are {', '.join(channels) or 'none'}")

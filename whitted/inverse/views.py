@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..files.images import numbers, radiance
 from ..scene.scene import Scene
 
 Resolution = tuple[int, int]
@@ -78,11 +79,11 @@ def checked_view(
         where: what messages begin with.
 
     Raises:
-        ValueError: a target or a mask of another size, with values that are not numbers, or with
-            nothing left to fit.
+        ValueError: a target or a mask of another size, of integers, with values that are not
+            numbers, or with nothing left to fit.
     """
     width, height = scene.resolution if resolution is None else resolution
-    pixels = _numbers(target, f"{where}target")
+    pixels = radiance(target, f"{where}target")
     if pixels.shape != (height, width, 3):
         raise ValueError(
             f"{where}target: expected an image of {width} x {height} pixels, the scene's "
@@ -105,17 +106,13 @@ def _weight(mask: object, shape: tuple[int, int], where: str) -> np.ndarray:
     """What each pixel counts for."""
     if mask is None:
         return np.ones(shape)
-    weight = _numbers(mask, where)
+    weight = numbers(mask, where)
+    if weight.dtype.kind in "iu":
+        raise ValueError(
+            f"{where}: integers ({weight.dtype}) are no weights; write mask > 0, or divide by 255"
+        )
     if weight.shape != shape:
         raise ValueError(f"{where}: expected shape {shape}, that of the target, got {weight.shape}")
     if not (np.isfinite(weight).all() and (weight >= 0).all() and weight.any()):
         raise ValueError(f"{where}: expected weights >= 0 that are not all 0")
     return weight
-
-
-def _numbers(image: object, where: str) -> np.ndarray:
-    try:
-        return np.asarray(image.numpy() if hasattr(image, "numpy") else image, np.float64)
-    except (TypeError, ValueError):
-        kind = type(image).__name__
-        raise ValueError(f"{where}: expected an array of numbers, got {kind}") from None
