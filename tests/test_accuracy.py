@@ -112,3 +112,11 @@ def test_error_that_is_not_above_zero_is_refused(balls, error):
 def test_error_and_a_setting_of_ones_own_exclude_each_other(balls, also):
     with pytest.raises(ValueError, match=f"chooses {next(iter(also))} itself"):
         wt.render(balls, error=0.1, **also)
+
+
+def test_error_and_terms_exclude_each_other(balls):
+    """Plain samples, which it may choose, have no terms."""
+    message = r"error: may choose boundary=False, which has no terms='interior'; leave terms out"
+    for image in (wt.render, lambda scene, **more: wt.gradient(scene, "camera.fov", **more)):
+        with pytest.raises(ValueError, match=message):
+            image(balls, error=0.1, terms="interior")

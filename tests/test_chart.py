@@ -10,8 +10,7 @@ import pytest
 from whitted.cli import run
 from whitted.measure import scaling
 from whitted.measure.analysis import fastest, front, slope
-from whitted.measure.chart import chart, report
-from whitted.measure.experiments import EXPERIMENTS
+from whitted.measure.chart import NAMES, chart, report
 from whitted.measure.plots import Plot
 from whitted.measure.store import Store
 from whitted.measure.timing import in_turns
@@ -50,13 +49,8 @@ def test_report_has_all_groups_and_is_resumed(scene, tmp_path, capsys, monkeypat
     assert run(["chart", str(scene), "-o", str(folder), "--quick", "--size", "24x24"]) == 0
     assert "wrote" in capsys.readouterr().out
     names = {path.name for path in folder.iterdir()}
-    assert {f"{name}.csv" for name in EXPERIMENTS} | {
-        "measured.json",
-        "report.html",
-        "image.png",
-        "gradient.png",
-        "memory.png",
-    } <= names
+    assert names == set(NAMES)
+    assert {"image.csv", "memory.csv", "measured.json", "report.html", "limits.png"} <= names
     page = (folder / "report.html").read_text()
     assert all(f'src="{name}"' in page for name in names if name.endswith(".png"))
     assert "d image / d spheres.sphere0.center.x" in page
@@ -73,6 +67,13 @@ def test_report_has_all_groups_and_is_resumed(scene, tmp_path, capsys, monkeypat
     assert done == pytest.approx(np.arange(1, 11) / 10)
     with pytest.raises(AssertionError):
         chart(scene, folder, "another", size=(24, 24), quick=True)
+
+
+def test_file_that_cannot_be_written_is_found_before_measuring(scene, tmp_path, capsys):
+    (tmp_path / "charts" / "limits.png").mkdir(parents=True)
+    assert run(["chart", str(scene), "-o", str(tmp_path / "charts")]) == 2
+    assert "limits.png: is a folder; name a file" in capsys.readouterr().err
+    assert len(list((tmp_path / "charts").iterdir())) == 1
 
 
 def check_errors(groups):

@@ -114,10 +114,15 @@ def check_refusal(tmp_path, capsys, message):
         ("none/a.exr", "make it first"),
         ("folder.exr", "is a folder; name a file"),
         ("preview.exr", "preview.png: is a folder; name a file"),
+        ("file/a.exr", "file' is a file; name a folder"),
+        ("caf\udce9.exr", "OpenEXR takes only names in UTF-8"),
     ],
 )
-def test_bad_outputs(tmp_path, capsys, output, message):
+def test_bad_outputs(tmp_path, capsys, monkeypatch, output, message):
+    """They are found before a scene is read."""
+    monkeypatch.setattr(wt, "load_scene", None)
     (tmp_path / "folder.exr").mkdir()
+    (tmp_path / "file").symlink_to(SCENE)
     (tmp_path / "preview.png").mkdir()
     for command in ("render", "gradient --wrt camera.fov"):
         assert call(command, SCENE, "-o", tmp_path / output) == 2
@@ -208,6 +213,17 @@ def test_bad_gradients(tmp_path, capsys, arguments, message):
     out = tmp_path / "a.exr"
     assert call("gradient --size 8x8", SCENE, "-o", out, *arguments) == 2
     check_refusal(tmp_path, capsys, message)
+
+
+@pytest.mark.parametrize("name", ["a.exr", "a.png"])
+def test_protected_files_stay(tmp_path, capsys, monkeypatch, name):
+    monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK or path.name != name)
+    monkeypatch.setattr(wt, "load_scene", None)
+    (tmp_path / name).write_text("old")
+    for command in ("render", "gradient --wrt camera.fov"):
+        assert call(command, SCENE, "-o", tmp_path / "a.exr") == 2
+        assert f"{name}: is protected from being written" in capsys.readouterr().err
+    assert (tmp_path / name).read_text() == "old"
 
 
 def test_output_that_cannot_be_written(capsys):
@@ -331,6 +347,44 @@ def test_error_chooses_the_samples(tmp_path, capsys, monkeypatch):
     assert "is below what is tried" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("options", "names"),
+    [
+        ("--spp 1", "--spp"),
+        ("--no-boundary", "--no-boundary"),
+        ("--spp 4 --no-boundary", "--spp and --no-boundary"),
+    ],
+)
+def test_error_excludes_what_it_chooses(tmp_path, capsys, options, names):
+    assert call(f"render --error 0.5 {options}", SCENE, "-o", tmp_path / "a.exr") == 2
+    message = f"--error: chooses {names} itself; leave {names} out, or --error"
+    check_refusal(tmp_path, capsys, message)
+
+
+def test_empty_scene(tmp_path, capsys):
+    scene = tmp_path / "empty.toml"
+    camera = "position = [0, 0, 4]\nlook_at = [0, 0, 0]\nfov = 50\nresolution = [4, 4]\n"
+    scene.write_text(f"[camera]\n{camera}")
+    assert call("render", scene, "-o", tmp_path / "a.exr") == 0
+    assert "\ncompiled in: nothing; " in capsys.readouterr().out
+
+
+def test_names_that_are_no_text(tmp_path):
+    """A terminal takes text only."""
+    scene = tmp_path / os.fsdecode(b"caf\xe9.toml")
+    scene.write_bytes(SCENE.read_bytes())
+    command = [sys.executable, "-m", "whitted.cli", "render", "--size", "4x4", scene]
+    done = subprocess.run(
+        [*command, "-o", tmp_path / "a.exr"],
+        env={**os.environ, "PYTHONIOENCODING": "utf-8:strict"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert r"caf\udce9.toml: 4 x 4, spp 1" in done.stdout
+
+
 RADIUS = "spheres.sphere0.radius"
 FIT = f"fit --wrt {RADIUS} --spp 1 --iterations 4"
 BALL = """
@@ -401,6 +455,10 @@ def test_fit_with_all_options(picture, tmp_path, capsys):
         (f"--wrt {RADIUS} --size big", "--size: expected WIDTHxHEIGHT"),
         ("--wrt spheres.ball.radius", "no parameter 'spheres.ball.radius'"),
         (f"--wrt {RADIUS} --bound {RADIUS}", "--bound: expected NAME=LOW:HIGH"),
+        (
+            f"--wrt {RADIUS} --bound {RADIUS}=0.5: --bound {RADIUS}=:2",
+            f"--bound: given twice for {RADIUS}; give both ends in one, LOW:HIGH",
+        ),
         (f"--wrt {RADIUS} --bound {RADIUS}=1:2", "starts at 0.9, outside [1, 2]"),
         (f"--wrt {RADIUS} --method newton", "'--method'"),
         ("--wrt materials.red.ior --iterations 1", "depends on none of the parameters"),
@@ -419,6 +477,16 @@ def test_fit_refuses_folders_that_it_cannot_write(picture, capsys):
     ):
         assert call(FIT, *picture, "-o", out) == 2
         assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["scene.toml", "target.png", "animation.gif"])
+def test_fit_finds_files_that_it_cannot_write_before_it_starts(
+    picture, tmp_path, capsys, monkeypatch, name
+):
+    monkeypatch.setattr(wt, "fit", None)
+    (tmp_path / "out" / name).mkdir(parents=True)
+    assert call(FIT, *picture, "-o", tmp_path / "out") == 2
+    assert f"{name}: is a folder; name a file" in capsys.readouterr().err
 
 
 def test_fit_needs_its_extra(picture, tmp_path, capsys, monkeypatch):

@@ -9,6 +9,7 @@ import warnings
 import drjit as dr
 import numpy as np
 import pytest
+from drjit.llvm import ad
 
 import whitted as wt
 from whitted.inverse import fit as fit_module
@@ -274,6 +275,13 @@ def test_later_iterations_compile_nothing(ball, target, method):
     assert not any(compiled[2:])
 
 
+def test_mask_of_truth_values(ball, target):
+    mask = np.arange(24 * 32).reshape(24, 32) % 3 == 0
+    weight = checked_view(ball, target, mask, None).weight
+    assert weight.dtype == np.float32
+    np.testing.assert_array_equal(weight[..., 0], mask)
+
+
 def test_plot_shows_every_number(ball, target, tmp_path):
     result = wt.fit(ball.replace(AWAY), target, wrt=WRT, iterations=3)
     figure = result.plot(str(tmp_path / "a.png"))
@@ -297,10 +305,16 @@ def bad(**options):
         ({"starts": 1.5}, ValueError, "starts: expected a whole number from 1 on"),
         ({"levels": 9}, ValueError, "9 halvings leave nothing of 24 pixels"),
         ({"spp": 3}, ValueError, "perfect square"),
+        ({"progress": print}, ValueError, "expected True or False; give a function as callback"),
         ({"resolution": (16, 16)}, ValueError, "expected an image of 16 x 16 pixels"),
         ({"mask": np.ones((3, 3))}, ValueError, "mask: expected shape"),
         ({"mask": np.zeros((24, 32))}, ValueError, "not all 0"),
         ({"mask": "no"}, ValueError, "mask: expected an array of numbers, got str"),
+        (
+            {"mask": np.ones((24, 32), int)},
+            ValueError,
+            r"mask: integers \(int64\) are no weights; write mask > 0, or divide by 255",
+        ),
         ({"bounds": {"spheres.ball.radius": (0, 1)}}, KeyError, "not among the parameters to fit"),
         ({"bounds": {WRT[0]: (0.3, 1)}}, ValueError, r"starts at 0.2, -0.1, 0, outside \[0.3, 1\]"),
         ({"bounds": {WRT[0]: (1, 0)}}, ValueError, "is not below the highest"),
@@ -326,6 +340,14 @@ def test_target_that_does_not_fit_the_scene_is_refused(ball, target):
     spoilt[5, 7] = np.nan
     with pytest.raises(ValueError, match="1 pixels are not finite numbers, the first at x 7, y 5"):
         wt.fit(ball, spoilt, wrt=WRT)
+    picture = ad.TensorXu([0] * (24 * 32 * 3), (24, 32, 3))
+    for integers in (picture, picture.numpy().astype(np.uint8)):
+        with pytest.raises(
+            ValueError, match=r"target: integers \(uint.*\) are no radiance; divide"
+        ):
+            wt.fit(ball, integers, wrt=WRT)
+    with pytest.raises(ValueError, match="target: expected an array of numbers, got list"):
+        wt.fit(ball, [[0.0], [0.0, 1.0]], wrt=WRT)
     with pytest.raises(ValueError, match=r"view 1: target: expected an image"):
         wt.fit([(ball, target), (ball, np.zeros((2, 2, 3)))], wrt=WRT)
     with pytest.raises(ValueError, match="give each as"):

@@ -25,7 +25,7 @@ from samples import (
 )
 from samples import render_plain as render
 
-from whitted.measure.about import features
+from whitted.measure.about import compiled_in, features
 from whitted.measure.timing import recorded
 from whitted.rendering import job
 
@@ -304,6 +304,7 @@ def test_black_terms_are_not_compiled(load):
             ]
             + ["coinciding primitives", "tree of rays"],
         ),
+        (CAMERA, []),
         (
             scene(sphere([0, -1e6, 0], 1e6, "red"), sky=""),
             ["1 sphere", "Lambert", "Blinn-Phong", "compensated sums"],
@@ -312,6 +313,7 @@ def test_black_terms_are_not_compiled(load):
 )
 def test_features_are_named(load, text, expected):
     assert features(load(text, "single")) == expected
+    assert compiled_in(load(text, "single")) == (", ".join(expected) or "nothing")
 
 
 def opaque_copy(value, scale):

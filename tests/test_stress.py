@@ -47,6 +47,8 @@ def test_report(tmp_path, capsys):
     assert 'src="01-tangent-ray.png"' in page
     assert '<span class="pass">all pass</span>' in page
     assert (tmp_path / "out" / "01-tangent-ray.png").read_bytes().startswith(b"\x89PNG")
+    names = {"01-tangent-ray.png", "results.csv", "report.html"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == names
     with (tmp_path / "out" / "results.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert {row["number"] for row in rows} == {"1", "9", "10"}
@@ -132,6 +134,16 @@ def test_folder_that_is_a_file(tmp_path, capsys):
     (tmp_path / "out").write_text("")
     assert run(["stress", "9", "-o", str(tmp_path / "out")]) == 2
     assert "is a file; name a folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["01-tangent-ray.png", "results.csv", "report.html"])
+def test_file_that_cannot_be_written_is_found_before_a_case_runs(
+    tmp_path, capsys, monkeypatch, name
+):
+    monkeypatch.delattr(suite, "run")
+    (tmp_path / name).mkdir()
+    assert run(["stress", "1", "-o", str(tmp_path)]) == 2
+    assert f"{name}: is a folder; name a file" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 """The command line: parses arguments, calls the library, and prints results and errors."""
 
 import hashlib
-import os
+import io
 import signal
 import sys
 import time
@@ -53,7 +53,9 @@ def render(
         Path,
         typer.Option("-o", "--output", help="Image to write, .exr; a .png goes next to it."),
     ],
-    spp: Spp = 1,
+    spp: Annotated[
+        int | None, typer.Option(help="Samples per pixel, a perfect square [default: 1].")
+    ] = None,
     depth: Depth = None,
     size: Size = None,
     precision: PrecisionName = "single",
@@ -74,10 +76,12 @@ def render(
     _check_output(output)
     boundary = not no_boundary
     if error is not None:
+        _refuse_together("--error", {"--spp": spp is not None, "--no-boundary": no_boundary})
         chosen = recommend(load_scene(scene, precision), error, depth, _size(size))
         spp, boundary = chosen.spp, chosen.boundary
         method = "edges found" if boundary else "plain samples"
         typer.echo(f"for an error of {error:g}: spp {spp}, {method}")
+    spp = 1 if spp is None else spp
     image, metadata = _compute(
         partial(render_image, boundary=boundary), scene, spp, depth, size, precision
     )
@@ -191,13 +195,14 @@ def fit(
     from . import fit as recover
     from . import load_scene, read_image
     from .files.figures import figure_of
-    from .inverse.report import write_recovery
+    from .files.writable import check_folder
+    from .inverse.report import NAMES, write_recovery
     from .scene.rewrite import rewritten
 
     start, picture = load_scene(scene, precision), read_image(target)
     weights = None if mask is None else read_image(mask).numpy().mean(2)
-    bounds, resolution = dict(map(_bound, bound or [])), _size(size)
-    _check_folder(output)
+    bounds, resolution = _bounds(bound or []), _size(size)
+    check_folder(output, NAMES)
     # Find out that a library is missing before the fit, not after it
     rewritten(scene, {})
     figure_of(1)
@@ -247,11 +252,11 @@ def chart(
     An interrupted run is resumed when the command is given again.
     """
     from . import __version__
+    from .files.progress import progress_bar
     from .measure.chart import chart as measure
 
     resolution = _size(size)
-    _check_folder(output)
-    with _progress_bar("measuring") as progress:
+    with progress_bar("measuring") as progress:
         page = measure(scene, output, __version__, size=resolution, quick=quick, progress=progress)
     typer.echo(f"wrote {page}")
 
@@ -270,10 +275,11 @@ def stress(
 
     The exit status is 1 if one fails.
     """
+    from .files.writable import check_folder
     from .stress import report, suite
 
     chosen = suite.choose(cases or [])
-    _check_folder(output)
+    check_folder(output, report.names(chosen))
     report.require_libraries()
     output.mkdir(exist_ok=True)
     typer.echo(suite.HEADER)
@@ -304,6 +310,16 @@ def _size(text: str | None) -> tuple[int, int] | None:
     return int(width), int(height)
 
 
+def _bounds(texts: list[str]) -> dict[str, tuple[float | None, float | None]]:
+    """What each --bound says, by the parameter."""
+    bounds: dict[str, tuple[float | None, float | None]] = {}
+    for name, ends in map(_bound, texts):
+        if name in bounds:
+            raise ValueError(f"--bound: given twice for {name}; give both ends in one, LOW:HIGH")
+        bounds[name] = ends
+    return bounds
+
+
 def _bound(text: str) -> tuple[str, tuple[float | None, float | None]]:
     """The parameter, the lower and the upper end of --bound, None for an open end."""
     name, equals, ends = text.partition("=")
@@ -319,28 +335,21 @@ def _bound(text: str) -> tuple[str, tuple[float | None, float | None]]:
 
 
 def _check_output(output: Path) -> None:
-    """Refuse an image that could not be written, before time goes into it."""
+    """Refuse an EXR that could not be written, or a PNG next to it, before time goes into it."""
+    from .files.images import check_image
+
     if output.suffix.lower() != ".exr":
         raise ValueError(f"{output}: expected a file name that ends in .exr")
-    if not output.parent.is_dir():
-        raise ValueError(f"{output}: there is no folder '{output.parent}'; make it first")
-    if not os.access(output.parent, os.W_OK):
-        raise ValueError(
-            f"{output}: the folder '{output.parent}' cannot be written to; choose another"
-        )
     for path in (output, output.with_suffix(".png")):
-        if path.is_dir():
-            raise ValueError(f"{path}: is a folder; name a file")
+        check_image(path)
 
 
-def _check_folder(output: Path) -> None:
-    """Refuse a folder that could not be made or written to, before time goes into its contents."""
-    if output.exists() and not output.is_dir():
-        raise ValueError(f"{output}: is a file; name a folder")
-    if not output.parent.is_dir():
-        raise ValueError(f"{output}: there is no folder '{output.parent}'; make it first")
-    if not os.access(output if output.exists() else output.parent, os.W_OK):
-        raise ValueError(f"{output}: cannot be written to; choose another folder")
+def _refuse_together(option: str, others: dict[str, bool]) -> None:
+    """Refuse options that are given and that another one chooses itself."""
+    given = [name for name, is_given in others.items() if is_given]
+    if given:
+        names = " and ".join(given)
+        raise ValueError(f"{option}: chooses {names} itself; leave {names} out, or {option}")
 
 
 def _compute(
@@ -360,19 +369,20 @@ def _compute(
         The image, and how it was made, for the header of an EXR.
     """
     from . import __version__, load_scene
+    from .files.progress import progress_bar
     from .measure import timing
-    from .measure.about import features
+    from .measure.about import compiled_in
 
     loaded = load_scene(scene, precision)
     resolution = _size(size)
     start = time.perf_counter()
-    with timing.recorded() as kernels, _progress_bar("rendering") as progress:
+    with timing.recorded() as kernels, progress_bar("rendering") as progress:
         image = function(loaded, spp=spp, max_depth=depth, resolution=resolution, progress=progress)
     seconds = time.perf_counter() - start
     height, width, _ = image.shape
     depth = depth or loaded.max_depth
     typer.echo(f"{scene}: {width} x {height}, spp {spp}, depth {depth}, {precision} precision")
-    typer.echo(f"compiled in: {', '.join(features(loaded))}; {kernels.operations} operations")
+    typer.echo(f"compiled in: {compiled_in(loaded)}; {kernels.operations} operations")
     typer.echo(
         f"time: {kernels.compile_seconds:.3f} s compile, {kernels.run_seconds:.3f} s run, "
         f"{seconds:.3f} s in all"
@@ -403,30 +413,6 @@ def _print_fit(result: Any) -> None:
     for note in result.notes:
         typer.echo(f"note: {note}")
     typer.echo(f"{result.stopped}, after {len(result.history)} iterations; loss {result.loss:.4g}")
-
-
-@contextmanager
-def _progress_bar(title: str) -> Iterator[Callable[[float], None]]:
-    """A callback for the fraction done, which shows a bar on standard error.
-
-    The bar appears after a second, and only if standard error is a terminal.
-    """
-    from rich.console import Console
-    from rich.progress import Progress
-
-    start = time.monotonic()
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=True) as bar:
-        task = bar.add_task(title, total=1.0)
-
-        def report(fraction: float) -> None:
-            late = time.monotonic() - start > 1
-            if bar.disable and console.is_terminal and late and fraction < 1:
-                bar.disable = False
-                bar.start()
-            bar.update(task, completed=fraction)
-
-        yield report
 
 
 def run(arguments: list[str]) -> int:
@@ -472,6 +458,9 @@ def _interrupt(number: int, _: object) -> None:
 
 def main() -> None:
     """Run the command of this process's arguments, and exit with its status."""
+    # The name of a file that is to be printed may not be text
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
     # A shell that runs the process in the background has it ignore Ctrl-C; leave that as it is
     if signal.getsignal(signal.SIGINT) in (signal.SIG_DFL, signal.default_int_handler):
         signal.signal(signal.SIGINT, _interrupt)

@@ -88,7 +88,7 @@ def fit(
     Args:
         scene: where to start. For several views: pairs (scene, target), or triples with a mask. The
             views share the parameters, and each counts for as much as it has pixels.
-        target: linear RGB of shape (height, width, 3).
+        target: linear RGB of shape (height, width, 3), as `read_image` gives it; not integers.
         wrt: names of the parameters to fit, as in `Scene.parameters`.
         method: "lm" (Levenberg-Marquardt), "adam", or "auto", which takes "lm" for up to 16
             numbers.
@@ -102,7 +102,7 @@ def fit(
         seed: of that draw.
         bounds: name to (lowest, highest), None where open [default: what is legal; for an index of
             refraction at least 1].
-        mask: what each pixel counts for, >= 0, of shape (height, width).
+        mask: what each pixel counts for, >= 0, or whether it counts, of shape (height, width).
         gain: fit a factor for each channel of each view as well, for targets of unknown exposure.
         boundary, max_depth: as of `render`. With boundary=False only samples are differentiated,
             which fails at edges.
@@ -123,6 +123,8 @@ def fit(
         >>> found = whitted.fit(scene, picture, wrt=["ball.center", "glass.ior"])
         >>> found.parameters["glass.ior"], found.uncertainty["glass.ior"]
     """
+    if callable(progress):
+        raise ValueError("progress: expected True or False; give a function as callback")
     names = _names(wrt)
     plan = Plan(method, iterations, levels, starts, seed)
     views = views_of(scene, target, mask, resolution)

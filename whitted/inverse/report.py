@@ -9,6 +9,7 @@ from ..files.atomic import atomically, write_text
 from ..files.false_color import write_diverging
 from ..files.images import as_numpy, write_image
 from ..files.png import to_srgb
+from ..files.writable import check_folder
 from ..rendering.samples import render_samples
 from ..scene.rewrite import rewritten
 from ..scene.scene import Scene
@@ -43,8 +44,10 @@ def write_recovery(
 
     Raises:
         RuntimeError: there is no matplotlib, or no tomlkit.
+        ValueError: the folder, or one of the files in it, cannot be written to.
         OSError: a file cannot be written.
     """
+    check_folder(folder, NAMES)
     text = rewritten(scene_file, result.parameters)
     folder.mkdir(exist_ok=True)
     pixels = as_numpy(target)

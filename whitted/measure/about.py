@@ -77,5 +77,10 @@ def features(scene: Scene) -> list[str]:
     return counted + [name for name, present in optional.items() if present]
 
 
+def compiled_in(scene: Scene) -> str:
+    """The features of a scene, in words."""
+    return ", ".join(features(scene)) or "nothing"
+
+
 def _count(n: int, what: str) -> str:
     return f"{n} {what}" if n == 1 else f"{n} {what}s"

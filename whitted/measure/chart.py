@@ -12,12 +12,16 @@ from typing import Any
 from ..files.atomic import write_text
 from ..files.figures import figure_of
 from ..files.pages import page_template
-from .about import features, system
+from ..files.writable import check_folder
+from .about import compiled_in, system
 from .analysis import front
 from .experiments import EXPERIMENTS
-from .plots import Plot, draw_plots, image_settings
+from .plots import FILES, Plot, draw_plots, image_settings
 from .setup import Setup
 from .store import Rows, Store
+
+# The files of a report
+NAMES = ("measured.json", "report.html", *FILES, *(f"{name}.csv" for name in EXPERIMENTS))
 
 
 def chart(
@@ -47,10 +51,12 @@ def chart(
         The page, report.html.
 
     Raises:
+        ValueError: the folder, or one of the files in it, cannot be written to.
         SceneError: the scene file is not valid.
         RuntimeError: matplotlib or Jinja2 is not installed.
         OSError: a file cannot be written.
     """
+    check_folder(folder, NAMES)
     require_libraries()
     setup = Setup(scene, size or ((96, 96) if quick else (192, 192)), quick)
     folder.mkdir(exist_ok=True)
@@ -85,7 +91,7 @@ def conditions(setup: Setup, release: str) -> dict[str, Any]:
         "scene": setup.path.name,
         "scene SHA-256": hashlib.sha256(setup.path.read_bytes()).hexdigest(),
         "image": "{} x {}".format(*setup.size),
-        "compiled in": ", ".join(features(setup.single)),
+        "compiled in": compiled_in(setup.single),
         "quick": setup.quick,
         "machine": platform.processor() or platform.machine(),
         "threads": facts["threads"],

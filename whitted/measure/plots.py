@@ -19,6 +19,9 @@ GROWTH = {
 }
 # Logarithmic axes have no place for a compile time of 0, of a kernel that was in the cache
 LEAST = 1e-3
+FILES = tuple(
+    f"{name}.png" for name in ("image", "limits", "gradient", "modes", *GROWTH, "compile", "memory")
+)
 
 
 @dataclass(frozen=True)

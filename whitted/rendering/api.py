@@ -1,8 +1,7 @@
 """`render`: an image at so many samples, or of so small an error."""
 
-from collections.abc import Callable
-
 from ..core.arrays import Array
+from ..files.progress import Report, reporting
 from ..scene.scene import Scene
 from .auto_samples import recommend
 from .samples import render_samples
@@ -17,7 +16,7 @@ def render(
     terms: str = "both",
     max_depth: int | None = None,
     resolution: tuple[int, int] | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Report | bool | None = None,
 ) -> Array:
     """Render a scene, differentiably in the parameters that `Scene.replace` gave it.
 
@@ -33,7 +32,8 @@ def render(
             sum.
         max_depth: nodes on the longest chain of rays, in place of the scene's.
         resolution: width and height in pixels, in place of the scene's.
-        progress: called with the fraction done, in (0, 1], after each band of rows.
+        progress: called with the fraction done, in (0, 1], after each band of rows. True shows a
+            bar on standard error after a second, if that is a terminal.
 
     Returns:
         Linear RGB radiance, a `TensorXf` (`TensorXf64` in double precision) of shape (height,
@@ -50,14 +50,20 @@ def render(
         for name, given in (("spp", spp != 1), ("boundary", boundary is not None)):
             if given:
                 raise ValueError(f"error: chooses {name} itself; leave {name} out, or error")
+        if terms != "both":
+            raise ValueError(
+                f"error: may choose boundary=False, which has no terms={terms!r}; leave terms out, "
+                "or error"
+            )
         chosen = recommend(scene, error, max_depth, resolution)
         spp, boundary = chosen.spp, chosen.boundary
-    return render_samples(
-        scene,
-        spp,
-        boundary=boundary is None or boundary,
-        terms=terms,
-        max_depth=max_depth,
-        resolution=resolution,
-        progress=progress,
-    )
+    with reporting(progress, "rendering") as report:
+        return render_samples(
+            scene,
+            spp,
+            boundary=boundary is None or boundary,
+            terms=terms,
+            max_depth=max_depth,
+            resolution=resolution,
+            progress=report,
+        )

@@ -1,10 +1,9 @@
 """The derivative of an image by one number of its scene, as an image."""
 
-from collections.abc import Callable
-
 import drjit as dr
 
 from ..core.arrays import Array
+from ..files.progress import Report, reporting
 from ..scene.scene import Scene
 from .api import render
 
@@ -22,7 +21,7 @@ def gradient(
     terms: str = "both",
     max_depth: int | None = None,
     resolution: tuple[int, int] | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Report | bool | None = None,
 ) -> Array:
     """Differentiate every pixel by one parameter, in forward mode.
 
@@ -32,7 +31,7 @@ def gradient(
             a number.
         spp, error, boundary, terms, max_depth, resolution: as of `render`.
         progress: called with the fraction done, in (0, 1]; the first half is the image, the second
-            its derivative.
+            its derivative. True shows a bar, as of `render`.
 
     Returns:
         d image / d parameter, of the type and shape of the image.
@@ -49,17 +48,18 @@ def gradient(
     tangent = _unit(name, values[name], component)
     dr.enable_grad(values)
     dr.set_grad(values[name], tangent)
-    image = render(
-        scene.replace(values),
-        spp,
-        error=error,
-        boundary=boundary,
-        terms=terms,
-        max_depth=max_depth,
-        resolution=resolution,
-        progress=progress and _in_halves(progress),
-    )
-    return dr.forward_to(image)
+    with reporting(progress, "differentiating") as report:
+        image = render(
+            scene.replace(values),
+            spp,
+            error=error,
+            boundary=boundary,
+            terms=terms,
+            max_depth=max_depth,
+            resolution=resolution,
+            progress=report and _in_halves(report),
+        )
+        return dr.forward_to(image)
 
 
 def _unit(name: str, value: Array, component: str | None) -> Array:
@@ -76,7 +76,7 @@ def _unit(name: str, value: Array, component: str | None) -> Array:
     return type(value)(*(float(axis == component) for axis in COMPONENTS))
 
 
-def _in_halves(progress: Callable[[float], None]) -> Callable[[float], None]:
+def _in_halves(progress: Report) -> Report:
     """One count from 0 to 1 of two that follow each other."""
     done = 0.0
 

@@ -46,6 +46,16 @@ def require_libraries() -> None:
     page_template(__package__, "report.html")
 
 
+def names(cases: Sequence[Case]) -> list[str]:
+    """The files that `write` makes of the results of some cases, the page last."""
+    charts = [chart_name(case) for case in cases if case.chart is not None]
+    return [*charts, "results.csv", "report.html"]
+
+
+def chart_name(case: Case) -> str:
+    return f"{case.number:02d}-{slug(case)}.png"
+
+
 def write(folder: Path, results: Sequence[Result]) -> list[Path]:
     """Write the charts, `results.csv` and `report.html`.
 
@@ -53,16 +63,17 @@ def write(folder: Path, results: Sequence[Result]) -> list[Path]:
         The files, the page last.
     """
     plots: dict[int, Plot] = {}
-    for case in dict.fromkeys(result.case for result in results):
+    cases = list(dict.fromkeys(result.case for result in results))
+    for case in cases:
         if case.chart is not None:
-            chart = case.chart()
-            name = f"{case.number:02d}-{slug(case)}.png"
+            chart, name = case.chart(), chart_name(case)
             draw(folder / name, chart)
             plots[case.number] = Plot(name, [describe_break(c, chart) for c in chart.curves])
-    table, page = folder / "results.csv", folder / "report.html"
+    files = [folder / name for name in names(cases)]
+    *_, table, page = files
     atomically(table, lambda temporary: _write_csv(temporary, results))
     write_text(page, report(results, plots))
-    return [*(folder / plot.file for plot in plots.values()), table, page]
+    return files
 
 
 def break_index(curve: Curve, chart: Chart) -> int | None:
