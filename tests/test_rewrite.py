@@ -125,6 +125,12 @@ def test_any_scene_is_read_back_as_it_was(tmp_path_factory, numbers):
     check_same_numbers(numbers_of(load_scene(path)), first)
 
 
+def test_byte_order_mark_is_left_out(path):
+    text = rewritten(path, VALUES)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert rewritten(path, VALUES) == text
+
+
 def test_without_tomlkit_the_remedy_is_told(path, monkeypatch):
     monkeypatch.setitem(sys.modules, "tomlkit", None)
     with pytest.raises(RuntimeError, match=r"install it with: pip install 'whitted\[fit\]'"):

@@ -33,7 +33,7 @@ def rewritten(path: str | Path, parameters: Mapping[str, Any]) -> str:
         ) from None
     scene = load_scene(path)
     check_names(parameters, scene.locations)
-    document: Any = tomlkit.parse(Path(path).read_bytes().decode())
+    document: Any = tomlkit.parse(Path(path).read_bytes().decode().removeprefix("\ufeff"))
     for name, value in parameters.items():
         where = scene.locations[name]
         numbers = [float(f"{number:.9g}") for number in np.ravel(value)]
