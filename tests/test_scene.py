@@ -305,3 +305,43 @@ def test_step_of_an_optimiser_to_a_number_without_meaning_is_refused(load, name,
     dr.enable_grad(params)
     with pytest.raises(ValueError, match=message):
         scene.replace(params)
+
+
+def test_equal_scenes(load, precision):
+    """Equal are scenes of the same text; to replace a number by itself makes no difference."""
+    one, other = load(TEXT, precision), load(TEXT, precision)
+    assert one == other
+    assert hash(one) == hash(other)
+    assert one.replace({"ambient": [0.3, 0.2, 0.1], "materials.red.shadow": 0.75}) == other
+    assert one != TEXT
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_scenes_with_another_number(load, precision, name):
+    """The smallest change of any number counts."""
+    scene = load(TEXT, precision)
+    number = np.float32 if precision == "single" else np.float64
+    *others, last = scene.numbers[name]
+    changed = [*others, float(np.nextafter(number(last), number(1e9)))]
+    assert scene.replace({name: changed}) != scene
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('name = "ball"', 'name = "marble"'),
+        ("background", "max_depth = 4\nbackground"),
+        ("background", "min_importance = 0.5\nbackground"),
+        ("resolution = [", "resolution = [1"),
+        ("[[planes]]", '[[planes]]\nname = "floor"'),
+        ("color = [0.8, 0.2, 0.1]", "color = [0.8, 0.2, 0.1]\nfresnel = true"),
+    ],
+)
+def test_scenes_with_another_structure(load, old, new):
+    text = TEXT.replace(old, new, 1)
+    assert text != TEXT
+    assert load(text) != load(TEXT)
+
+
+def test_scenes_of_another_precision(load):
+    assert load(TEXT, "single") != load(TEXT, "double")

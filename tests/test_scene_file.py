@@ -266,6 +266,17 @@ def test_directory_is_refused(tmp_path):
         load_scene(tmp_path)
 
 
+def test_byte_order_mark_is_no_part_of_the_text(tmp_path):
+    """Some editors begin a file with one. Places in messages are those without it."""
+    path = tmp_path / "mark.toml"
+    plain = samples.SHIPPED[0]
+    path.write_bytes(b"\xef\xbb\xbf" + plain.read_bytes())
+    assert load_scene(path) == load_scene(plain)
+    path.write_bytes(b"\xef\xbb\xbfa = b")
+    with pytest.raises(SceneError, match=r"mark\.toml:1:5: not valid TOML"):
+        load_scene(path)
+
+
 def test_text_that_is_not_utf8_is_refused(tmp_path):
     path = tmp_path / "latin.toml"
     path.write_bytes("# Größe\n".encode("latin-1"))

@@ -1,7 +1,7 @@
 """The scene: what there is, and its parameters by name."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -10,6 +10,7 @@ import drjit as dr
 
 from ..core.arrays import Array, Precision, precision_of
 from ..core.parameter import ANY, NON_NEGATIVE, Numbers, parameter, parameters_of
+from ..core.pytree import take_apart
 from ..lights import Light
 from ..shapes import SHAPES, Shape
 from ..shapes.sets import ShapeSet, sets_of
@@ -138,6 +139,21 @@ class Scene:
         derived = ("locations", "neutral", "names_by_shape")
         scene.__dict__.update({name: getattr(self, name) for name in derived})
         return scene
+
+    def __eq__(self, other: object) -> bool:
+        """Whether another scene has the same objects, numbers, settings and precision."""
+        if not isinstance(other, Scene):
+            return NotImplemented
+        return self._described == other._described and self.numbers == other.numbers
+
+    def __hash__(self) -> int:
+        return hash(self._described)
+
+    @cached_property
+    def _described(self) -> Hashable:
+        """All of the scene but its numbers, and whether `replace` has touched them."""
+        plain = replace(self, touched=frozenset(), fixed=None)
+        return take_apart(plain, []), self.precision.name
 
     def __getstate__(self) -> dict[str, Any]:
         """What is pickled and copied: the fields, and nothing that was derived from them."""
