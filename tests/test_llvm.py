@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -285,7 +286,7 @@ def test_remedy_of_conda_of_macos_and_of_an_unknown_system(tmp_path, monkeypatch
     assert "with: brew install llvm (" in llvm.remedy({}, tmp_path / "missing")
     monkeypatch.setattr(sys, "platform", "linux")
     assert llvm.remedy({}, tmp_path / "missing").startswith(
-        "install the shared library of LLVM 16 or newer from your system's packages ("
+        "install the shared library of LLVM 15 or newer from your system's packages ("
     )
 
 
@@ -298,7 +299,7 @@ def test_remedy_of_conda_of_macos_and_of_an_unknown_system(tmp_path, monkeypatch
         ),
         (["libllvm17t64", "libllvm14"], "install one with: sudo apt-get install -y libllvm17t64 ("),
         (["libllvm15", "libllvm14"], "install one with: sudo apt-get install -y libllvm15 ("),
-        (["libllvm14"], "install the shared library of LLVM 16 or newer from "),
+        (["libllvm14"], "install the shared library of LLVM 15 or newer from "),
         (
             [],
             "install one with: sudo apt-get update && sudo apt-get install -y $(apt-cache search ",
@@ -318,6 +319,13 @@ def test_remedy_is_the_newest_package_that_apt_has(tmp_path, monkeypatch, packag
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
     monkeypatch.setattr(sys, "platform", "linux")
     assert llvm.remedy({}, release(tmp_path, "ID=ubuntu\nID_LIKE=debian")).startswith(remedy)
+
+
+def test_setup_asks_for_the_oldest_version_that_will_do():
+    """The script and its message agree with the library."""
+    text = (ROOT / "setup").read_text()
+    asked = re.findall(r"-ge (\d+) \]\]|LLVM (\d+) or newer", text)
+    assert asked == [(str(llvm.OLDEST), ""), ("", str(llvm.OLDEST))]
 
 
 # Whole processes

@@ -177,7 +177,7 @@ def remedy(environ: Mapping[str, str], release: Path = Path("/etc/os-release")) 
         command = f"{sudo}dnf install llvm-libs"
     elif "arch" in system:
         command = f"{sudo}pacman -S llvm-libs"
-    general = f"install the shared library of LLVM {ALL_WORKS} or newer from your system's packages"
+    general = f"install the shared library of LLVM {OLDEST} or newer from your system's packages"
     install = f"install one with: {command}" if command else general
     return f"{install} (or set {VARIABLE} to the file of one)"
 
