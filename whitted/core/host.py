@@ -12,7 +12,7 @@ import drjit as dr
 import numpy as np
 from drjit.llvm import ad
 
-from .arrays import Array
+from .arrays import Array, Precision, precision_of
 
 # Lanes of a packet, as many as the widest vector instructions have. Fewer would leave some idle.
 PACKET = 16
@@ -55,6 +55,39 @@ def to_numpy(value: Any) -> Any:
     if dr.depth_v(value) == 1:
         return value.numpy()
     return tuple(component.numpy() for component in value)
+
+
+def to_numbers(value: Array) -> list[Any]:
+    """The numbers of an array; of a vector, a list for each component."""
+    if dr.depth_v(value) == 1:
+        return list(dr.detach(value))
+    return [list(part) for part in dr.detach(value)]
+
+
+def from_numbers(numbers: list[Any], precision: Precision) -> Array:
+    """The reverse of `to_numbers`: an array in Dr.Jit's own memory."""
+    if numbers and isinstance(numbers[0], list):
+        return precision.vector(*(from_numbers(own, precision) for own in numbers))
+    if len(numbers) == 1:
+        return dr.opaque(precision.real, numbers[0])
+    return to_array(np.array(numbers, precision.dtype), len(numbers))
+
+
+def in_own_memory(value: Array) -> Array:
+    """A copy of an array in Dr.Jit's own memory, attached to the same gradients."""
+    own = from_numbers(to_numbers(value), precision_of(value))
+    return dr.replace_grad(own, value) if dr.grad_enabled(value) else own
+
+
+def opaque_copy(value: Array) -> Array:
+    """An array in Dr.Jit's own memory, without its numbers being read.
+
+    What kernels still have to compute comes there anyhow.
+    """
+    if value.state not in (dr.VarState.Literal, dr.VarState.Unevaluated):
+        value = value + dr.opaque(precision_of(value).real, 0)
+    dr.make_opaque(value)
+    return value
 
 
 def stacked(components: Sequence[np.ndarray], which: slice | np.ndarray) -> np.ndarray:

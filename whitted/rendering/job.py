@@ -8,6 +8,7 @@ import numpy as np
 from drjit.llvm import ad
 
 from ..core.arrays import Array, Parameters
+from ..core.host import opaque_copy
 from ..edges.found import Found
 from ..edges.search import correct
 from ..edges.settings import LEAST_WEIGHT
@@ -58,7 +59,7 @@ class Job:
 
     def tangent(self, wrt: Parameters, tangents: Parameters) -> Array:
         """The image's derivative along the tangents of the parameters `wrt`."""
-        dr.make_opaque(tangents)
+        tangents = {name: opaque_copy(value) for name, value in tangents.items()}
         return self._assemble(
             lambda *rows: kernels.image_jvp(*self._inputs(*rows), dict(wrt), dict(tangents))
         )
@@ -128,7 +129,7 @@ class BoundaryJob(Job):
         return pixels
 
     def tangent(self, wrt: Parameters, tangents: Parameters) -> Array:
-        dr.make_opaque(tangents)
+        tangents = {name: opaque_copy(value) for name, value in tangents.items()}
 
         def tangent(first: int, _: int) -> Array:
             return self.found[first].correction.tangent(dict(wrt), dict(tangents), self.terms)

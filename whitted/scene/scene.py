@@ -1,6 +1,5 @@
 """The scene: what there is, and its parameters by name."""
 
-import dataclasses
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -8,9 +7,10 @@ from typing import Any
 
 import drjit as dr
 
-from ..core.arrays import Array, Precision, precision_of
+from ..core.arrays import PRECISIONS, Array, Precision, precision_of
+from ..core.host import from_numbers, in_own_memory, to_numbers
 from ..core.parameter import ANY, NON_NEGATIVE, Numbers, parameter, parameters_of
-from ..core.pytree import take_apart
+from ..core.pytree import put_together, take_apart
 from ..lights import Light
 from ..shapes import SHAPES, Shape
 from ..shapes.sets import ShapeSet, sets_of
@@ -94,6 +94,8 @@ class Scene:
         numbers = {} if _is_recording() else numbers_of(arrays)
         check_numbers(numbers, known)
         self._check_view(numbers)
+        # An array that was given may stand in NumPy's memory
+        arrays |= {name: in_own_memory(arrays[name]) for name in numbers}
         new = self.neutral.keys() & arrays.keys()
         scene = self._with(touched=self.touched | new, **self._changes(arrays))
         scene.__dict__.update(
@@ -155,9 +157,21 @@ class Scene:
         plain = replace(self, touched=frozenset(), fixed=None)
         return take_apart(plain, []), self.precision.name
 
-    def __getstate__(self) -> dict[str, Any]:
-        """What is pickled and copied: the fields, and nothing that was derived from them."""
-        return {field.name: self.__dict__[field.name] for field in dataclasses.fields(self)}
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What is pickled: plain numbers, without gradients.
+
+        Arrays would arrive in NumPy's memory, where kernels are slow.
+        """
+        arrays: list[Array] = []
+        structure = take_apart(self, arrays)
+        return _unpickled, (structure, [to_numbers(array) for array in arrays], self.precision.name)
+
+    def __copy__(self) -> "Scene":
+        """The scene itself, as it does not change."""
+        return self
+
+    def __deepcopy__(self, _: object) -> "Scene":
+        return self
 
     @cached_property
     def locations(self) -> dict[str, Location]:
@@ -229,6 +243,15 @@ class Scene:
     def sets(self) -> tuple[ShapeSet, ...]:
         """The primitives that rays can meet, by kind of shape."""
         return sets_of(self.shapes, self.features.places)
+
+
+def _unpickled(structure: Any, numbers: list[Any], precision: str) -> Scene:
+    """The scene of `Scene.__reduce__`."""
+    (types,) = (each for each in PRECISIONS if each.name == precision)
+    scene: Scene = put_together(structure, (from_numbers(own, types) for own in numbers))
+    # Read the numbers now: within a function that the user freezes they cannot be read
+    _ = scene.numbers
+    return scene
 
 
 def _is_recording() -> bool:

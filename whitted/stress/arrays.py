@@ -7,14 +7,18 @@ import drjit as dr
 import numpy as np
 
 from ..core.arrays import Array, Precision
+from ..core.host import to_array
 from ..core.ray import NONE, Ray
 
 
 def vectors_of(p: Precision, rows: Any) -> Array:
     """An array of vectors from three rows of numbers, which are broadcast against each other."""
-    return p.vector(
-        *(p.real(np.ascontiguousarray(row, p.dtype)) for row in np.broadcast_arrays(*rows))
-    )
+    return p.vector(*(numbers_of(p, row) for row in np.broadcast_arrays(*rows)))
+
+
+def numbers_of(p: Precision, values: np.ndarray) -> Array:
+    """An array of numbers."""
+    return to_array(np.ravel(values).astype(p.dtype), np.size(values))
 
 
 def rays_of(p: Precision, o: Any, d: Any, inward: bool = False) -> Ray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.arrays import PRECISIONS, Array, Precision, precision_of
 from ..tracing.optics import reflect, refract, transmission
-from .arrays import rounded, slopes, worst
+from .arrays import numbers_of, rounded, slopes, worst
 from .case import Case, Chart, Check, Curve
 from .chains import follow, parallel_rays
 from .scenes import (
@@ -134,7 +134,7 @@ def _focus(p: Precision, heights: np.ndarray, n: Array) -> Array:
     """Where rays parallel to the axis cross it behind a glass ball, measured from its centre."""
     ball_only = scene_of(p, PIXEL, CLEAR, ball("ball", (0, 0, 0), 1, "clear"))
     scene = ball_only.carrying({"materials.clear.ior": n})
-    ray = follow(scene, parallel_rays(p, p.real(heights.astype(p.dtype))), "tt")
+    ray = follow(scene, parallel_rays(p, numbers_of(p, heights)), "tt")
     return -(ray.o.z - ray.o.x * ray.d.z / ray.d.x)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core.arrays import PRECISIONS, Array, Precision
 from ..tracing.optics import fresnel, transmission
-from .arrays import count, slopes, worst
+from .arrays import count, numbers_of, slopes, worst
 from .case import Case, Chart, Check, Curve
 from .scenes import WHITE, ball, camera, finite_checks, lamp, material, picture, scene_of, wall
 
@@ -56,7 +56,7 @@ def _reflectance_at(
 
 def index_one(p: Precision) -> Iterator[Check]:
     cosines = np.concatenate([np.linspace(0, 1, 1001), 2.0 ** -np.arange(1, 60)])
-    cosine = p.real(cosines.astype(p.dtype))
+    cosine = numbers_of(p, cosines)
     one = dr.ones(p.real, dr.width(cosine))
     value, forward, reverse = slopes(lambda n: reflectance(cosine, n), one)
     yield Check("angles with F other than 0", count(value != 0), 0)
@@ -96,7 +96,7 @@ def brewster(p: Precision) -> Iterator[Check]:
 
 
 def critical(p: Precision) -> Iterator[Check]:
-    beyond = dr.cos(p.real(np.radians([41.82, 45, 60, 80, 89.9]).astype(p.dtype)))
+    beyond = dr.cos(numbers_of(p, np.radians([41.82, 45, 60, 80, 89.9])))
     value, forward, reverse = slopes(lambda n: reflectance(beyond, n), dr.full(p.real, 1 / 1.5, 5))
     yield Check("beyond: F other than 1", count(value != 1), 0)
     yield Check("beyond: dF/dn other than 0", count((forward != 0) | (reverse != 0)), 0)
@@ -116,7 +116,7 @@ def _near_critical(p: Precision, inside: np.ndarray) -> tuple[Callable[[Array], 
     Args:
         inside: by how many radians the angles are below the critical one.
     """
-    cosine = p.real(np.cos(CRITICAL - inside).astype(p.dtype))
+    cosine = numbers_of(p, np.cos(CRITICAL - inside))
     return lambda n: reflectance(cosine, n), dr.full(p.real, 1 / 1.5, len(inside))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.arrays import Precision
 from ..tracing.intersect import closest_hit
-from .arrays import count, rounded, worst
+from .arrays import count, numbers_of, rounded, worst
 from .case import Case, Check
 from .chains import follow, parallel_rays
 from .scenes import (
@@ -40,7 +40,7 @@ def ball_in_glass(p: Precision) -> Iterator[Check]:
     scene = scene_of(p, PIXEL, CLEAR, WHITE, balls)
     offset = np.concatenate([-np.logspace(-15, -1, 57), np.logspace(-15, -1, 57)])
     height = rounded(p, n * inner * (1 + offset))
-    ray = follow(scene, parallel_rays(p, p.real(height.astype(p.dtype))), "t")
+    ray = follow(scene, parallel_rays(p, numbers_of(p, height)), "t")
     hit = closest_hit(scene, ray).index.numpy() == 1
     apparent = n * rounded(p, inner)
     clear = abs(height / apparent - 1) > 20 * p.epsilon
@@ -91,7 +91,7 @@ def _bubble(p: Precision) -> Iterator[Check]:
     glass, bubble = ball("glass", (0, 0, 0), 1, "clear"), ball("bubble", (0, 0, 0), 0.5, "air")
     scene = scene_of(p, PIXEL, CLEAR, air, glass, bubble)
     height = np.linspace(0.01, 0.45, 45)
-    rays = parallel_rays(p, p.real(height.astype(p.dtype)))
+    rays = parallel_rays(p, numbers_of(p, height))
     within = follow(scene, rays, "tt")
     # n r sin is the same on every shell (Snell), so the ray passes the centre at its first height
     distance = dr.norm(dr.cross(within.o, within.d)).numpy()

@@ -8,7 +8,7 @@ from ..core.arrays import PRECISIONS, Precision
 from ..scene.camera import Camera
 from ..shapes import Sphere
 from ..tracing.primary import camera_frame, primary_ray
-from .arrays import count, rounded, vectors_of, worst
+from .arrays import count, numbers_of, rounded, vectors_of, worst
 from .case import Case, Chart, Check, Curve
 from .rays import intersect, sphere_at
 from .scenes import forward, reverse, white_ball
@@ -31,7 +31,7 @@ def _surface_points(
     n, d = rng.normal(size=(2, 3, radius.size))
     n, d = n / np.linalg.norm(n, axis=0), d / np.linalg.norm(d, axis=0)
     center = np.array([[0.3], [-0.2], [0.5]]) * radius
-    sphere = Sphere("", "", vectors_of(p, center), p.real(radius.astype(p.dtype)))
+    sphere = Sphere("", "", vectors_of(p, center), numbers_of(p, radius))
     return sphere, radius, n, center + radius * n, d
 
 
