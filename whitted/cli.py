@@ -15,6 +15,8 @@ from typing import Annotated, Any, Literal
 import typer
 from typer.exceptions import TyperException
 
+from .core.interrupts import forget, holding, insist
+
 app = typer.Typer(
     help="A differentiable Whitted ray tracer.",
     add_completion=False,
@@ -170,6 +172,7 @@ PlainDerivatives = Annotated[
     "-o out   |   whitted fit start.toml target.exr --wrt spheres.ball.radius "
     "--wrt lights.key.position --bound spheres.ball.radius=0.1:1 -o out"
 )
+@holding
 def fit(
     scene: SceneFile,
     target: Target,
@@ -187,15 +190,17 @@ def fit(
     size: Size = None,
     precision: PrecisionName = "single",
     no_boundary: PlainDerivatives = False,
-) -> None:
+) -> int:
     """Recover parameters of a scene from a picture of it.
 
-    Writes the recovered scene, pictures and plots.
+    Writes the recovered scene, pictures and plots. After Ctrl-C it writes those of the best so far,
+    and the exit status is 130; a second Ctrl-C ends it.
     """
     from . import fit as recover
     from . import load_scene, read_image
     from .files.figures import figure_of
     from .files.writable import check_folder
+    from .inverse.fit import INTERRUPTED
     from .inverse.report import NAMES, write_recovery
     from .scene.rewrite import rewritten
 
@@ -227,9 +232,11 @@ def fit(
             f"{target}: the picture depends on none of the parameters to recover; "
             "nothing was written"
         )
-    files = write_recovery(output, scene, start, picture, result, options)
+    write = partial(write_recovery, output, scene, start, picture, result, options)
+    files, interrupted = insist(write, result.stopped == INTERRUPTED)
     _print_fit(result)
     typer.echo(f"wrote {', '.join(path.name for path in files)} to {output}")
+    return 130 if interrupted or forget() else 0
 
 
 @app.command(epilog="Example:  whitted chart scenes/cornell.toml -o charts")

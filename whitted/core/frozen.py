@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import drjit as dr
 
 from .arrays import Array
+from .interrupts import held
 from .pytree import put_together, take_apart
 
 Result = TypeVar("Result")
@@ -53,16 +54,20 @@ class _Recording:
         self.replay = dr.freeze(self._trace, state_fn=None, warn_after=1 << 30)
 
     def __call__(self, arrays: list[Array]) -> Any:
+        results = held(self._replay, arrays)
+        return put_together(self.result, iter(results))
+
+    def _replay(self, arrays: list[Array]) -> list[Array]:
         # Freeing an array in NumPy's memory while Dr.Jit records would end the process. The garbage
         # collector may do that at any time
         collects = gc.isenabled()
         gc.disable()
         try:
-            results = self.replay(arrays)
+            results: list[Array] = self.replay(arrays)
         finally:
             if collects:
                 gc.enable()
-        return put_together(self.result, iter(results))
+        return results
 
     def _trace(self, arrays: list[Array]) -> list[Array]:
         results: list[Array] = []

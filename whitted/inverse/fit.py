@@ -11,10 +11,12 @@ import warnings
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from ..core.interrupts import forget, holding, insist, interruptible
 from ..scene.scene import Scene
 from .bounds import Bounds, bounds_of, scales_of, start_of
 from .coarse_to_fine import Plan, coarse_to_fine
@@ -22,6 +24,9 @@ from .convergence import Iteration, plot, progress_bar
 from .loss import Objective, split
 from .search import Search
 from .views import views_of
+
+# Why a fit stopped, after Ctrl-C
+INTERRUPTED = "interrupted"
 
 
 @dataclass
@@ -62,6 +67,7 @@ class FitResult:
         return plot(self.history, self.labels, path)
 
 
+@holding
 def fit(
     scene: Scene | Sequence[tuple],
     target: object = None,
@@ -112,7 +118,8 @@ def fit(
         callback: called after each iteration.
 
     Returns:
-        The result; Ctrl-C ends the fit and gives the best so far.
+        The result. Ctrl-C ends the fit and gives the best so far, and `stopped` says "interrupted";
+        a second one, while that result is being made, raises `KeyboardInterrupt`.
 
     Raises:
         KeyError: a name that a scene does not have, or bounds for a name that is not fitted.
@@ -146,12 +153,17 @@ def fit(
 
         scales, labels = scales_of(first, names), objective.labels()
         search = Search(low, high, scales, tolerance, labels, report)
-        stopped = "interrupted"
+        stopped = INTERRUPTED
         try:
-            x, stopped = coarse_to_fine(search, objective, x, plan)
+            x, stopped = interruptible(coarse_to_fine, search, objective, x, plan)
         except KeyboardInterrupt:
             x = search.best(x)
-        return _result(search, objective, x, stopped)
+        make = partial(_result, search, objective, x, stopped)
+        result, interrupted = insist(make, stopped == INTERRUPTED)
+        if interrupted or forget():
+            result.stopped = INTERRUPTED
+    _warn_of_unseen(search, result)
+    return result
 
 
 def _names(wrt: Sequence[str]) -> list[str]:
@@ -166,11 +178,18 @@ def _names(wrt: Sequence[str]) -> list[str]:
     return names
 
 
+def _warn_of_unseen(search: Search, result: FitResult) -> None:
+    """Name the parameters on which no picture depended."""
+    for k in np.flatnonzero(~search.has_slope & np.isinf(result.covariance.diagonal())):
+        message = f"fit: the pictures do not depend on {search.labels[k]}; it stays as it was"
+        # Where `fit` was called: its frames begin with those of `holding`
+        warnings.warn(message, UserWarning, stacklevel=6)
+
+
 def _result(search: Search, objective: Objective, x: np.ndarray, stopped: str) -> FitResult:
     loss, _, curvature = objective.normal_equations(x)
-    for k in np.flatnonzero(~search.has_slope & (curvature.diagonal() == 0)):
-        message = f"fit: the pictures do not depend on {search.labels[k]}; it stays as it was"
-        warnings.warn(message, UserWarning, stacklevel=3)
+    if not search.history:
+        search.history.append(Iteration(0, objective.views[0].resolution, loss, x.copy()))
     covariance = _covariance(objective, loss, curvature)
     parameters = objective.parameters(x)
     return FitResult(

@@ -96,8 +96,7 @@ class Objective:
             # The loss does not change with the gain, since that is the best one
             seed = view.weight * residual * (gain / residual.dtype.type(self.total))
             dr.set_grad(image, type(image)(to_array(seed.ravel(), seed.size), seed.shape))
-            dr.enqueue(dr.ADMode.Backward, image)
-            dr.traverse(dr.ADMode.Backward)
+            dr.backward_from(image)
         return loss
 
     def normal_equations(self, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
@@ -141,9 +140,8 @@ class Objective:
                 for other, length in zip(self.names, self.sizes, strict=True):
                     unit = [float(other == name and k == axis) for k in range(length)]
                     dr.set_grad(values[other], type(values[other])(*unit))
-                dr.enqueue(dr.ADMode.Forward, values)
-                dr.traverse(dr.ADMode.Forward, flags=dr.ADFlag.ClearInterior)
-                columns.append(dr.grad(image).numpy().astype(np.float64))
+                column = dr.forward_to(image, flags=dr.ADFlag.ClearInterior)
+                columns.append(column.numpy().astype(np.float64))
                 dr.clear_grad(image)
         return image.numpy().astype(np.float64), columns
 

@@ -6,22 +6,19 @@ gradients. So nothing of the trees of rays is stored in between.
 
 import math
 import os
-import threading
 from collections.abc import Callable
 
 import drjit as dr
 import numpy as np
 
 from ..core.arrays import Array
+from ..core.derivatives import LOCK, operation
+from ..core.interrupts import heed, held
 from ..edges.correction import TERMS
 from ..scene.scene import MAX_DEPTH, Scene
 from .job import BoundaryJob, Job
 
 MAX_SPP = 1 << 16
-# Two threads cannot enter one of Dr.Jit's frozen functions at once. Derivatives are for one thread
-# at a time and take no lock: Dr.Jit holds one of its own meanwhile, and each would wait for the
-# other
-LOCK = threading.RLock()
 
 
 def render_samples(
@@ -35,6 +32,7 @@ def render_samples(
     progress: Callable[[float], None] | None = None,
 ) -> Array:
     """`render` with a given number of samples: its arguments, its result and its errors."""
+    heed()
     if terms not in TERMS or (terms != "both" and not boundary):
         raise ValueError(
             f"terms: expected one of {', '.join(TERMS)}, with boundary=True, got {terms!r}"
@@ -58,8 +56,9 @@ def render_samples(
     about = scene, still, size, max_depth or scene.max_depth, side, progress
     job = BoundaryJob(*about, terms, keep=bool(wrt)) if boundary else Job(*about)
     with LOCK:
-        # Only the arrays in `wrt` are inputs. A function hides the job's other arrays from Dr.Jit
-        return dr.custom(_Render, wrt, lambda: job) if wrt else job.image()
+        image = job.image()
+        # Only the arrays in `wrt` are inputs. A function hides all others from Dr.Jit
+        return held(dr.custom, _Render, wrt, lambda: (job, image)) if wrt else image
 
 
 def _is_whole(value: object, low: int, high: int) -> bool:
@@ -88,12 +87,15 @@ def _check_memory(width: int, height: int, size: int) -> None:
 class _Render(dr.CustomOp):
     """The image as one node of Dr.Jit's computation graph."""
 
-    def eval(self, wrt, job):
-        self.wrt, self.job = wrt, job()
-        return self.job.image()
+    def eval(self, wrt, made):
+        self.wrt = wrt
+        self.job, image = made()
+        return image
 
+    @operation
     def forward(self):
         self.set_grad_out(self.job.tangent(self.wrt, self.grad_in("wrt")))
 
+    @operation
     def backward(self):
         self.set_grad_in("wrt", self.job.adjoint(self.wrt, self.grad_out()))
