@@ -115,6 +115,24 @@ def test_a_tangent_in_numpys_memory_uses_the_same_kernels(loaded):
     assert sum(not_in_memory(lambda: derivative(zero))) < 20
 
 
+def test_a_loss_does_not_keep_the_image(loaded):
+    def big_arrays():
+        dr.sync_thread()
+        return sum(str(77 * 53 * 3) in line for line in dr.whos(as_string=True).splitlines())
+
+    values = loaded.parameters(CENTER)
+    dr.enable_grad(values)
+    image = wt.render(loaded.replace(values), resolution=(77, 53), boundary=False)
+    loss = dr.mean(image)
+    dr.eval(loss, image)
+    assert big_arrays() == 2
+    del image
+    # What is left is the image's place in the graph of derivatives
+    assert big_arrays() == 1
+    del loss
+    assert big_arrays() == 0
+
+
 def test_replaced_arrays_keep_their_gradients(loaded):
     given = in_numpys_memory(loaded, RADIUS)
     dr.enable_grad(given)

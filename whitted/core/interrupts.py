@@ -19,7 +19,7 @@ Result = TypeVar("Result")
 class _Handler:
     """Passes signals on to another handler, but not while `held` runs."""
 
-    kept = False  # a signal waits
+    kept = False  # a signal waits; two that wait are one
 
     def __init__(self, other: Callable[[int, FrameType | None], Any]) -> None:
         self.other = other
@@ -28,6 +28,7 @@ class _Handler:
         if _is_held(frame):
             _Handler.kept = True
             return None
+        _Handler.kept = False
         return self.other(number, frame)
 
 

@@ -20,6 +20,9 @@ def render(
 ) -> Array:
     """Render a scene, differentiably in the parameters that `Scene.replace` gave it.
 
+    Several threads may render and differentiate; they wait for each other. Ctrl-C raises
+    `KeyboardInterrupt`, here and in `dr.backward`.
+
     Args:
         spp: samples a pixel, a perfect square n * n; they sit on a regular n x n grid.
         error: choose spp and boundary so that the image's relative error is at most this, at the

@@ -57,8 +57,11 @@ def render_samples(
     job = BoundaryJob(*about, terms, keep=bool(wrt)) if boundary else Job(*about)
     with LOCK:
         image = job.image()
-        # Only the arrays in `wrt` are inputs. A function hides all others from Dr.Jit
-        return held(dr.custom, _Render, wrt, lambda: (job, image)) if wrt else image
+        if not wrt:
+            return image
+        # Only the arrays in `wrt` are inputs. A method hides all others from Dr.Jit, and keeps none
+        made = [(job, image)]
+        return held(dr.custom, _Render, wrt, made.pop)
 
 
 def _is_whole(value: object, low: int, high: int) -> bool:
