@@ -1,7 +1,7 @@
 """Rays: those that look for a surface, and those that look for a light.
 
 Conventions. Directions are unit vectors along the ray's travel. A ray knows the primitive that it
-starts on (`source`, its number in the scene, or `NONE`), and whether it leaves into that primitive
+starts on (`source`, its number in the scene, or `NONE` for a ray from the eye), and whether it leaves into that primitive
 (`inward`). So algebra keeps a surface from meeting its own rays, and no epsilon is needed.
 """
 
@@ -19,7 +19,7 @@ class Ray:
 
     o: Array  # Array3f: origin
     d: Array  # Array3f: unit direction
-    source: Array  # UInt32: number of the primitive that it starts on, or NONE
+    source: Array  # UInt32: number of the primitive that it starts on, or NONE at the eye
     inward: Array  # Bool: it leaves into the primitive `source`
 
 

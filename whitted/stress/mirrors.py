@@ -11,7 +11,7 @@ from ..tracing.optics import reflect
 from .arrays import count, rays_of, rounded, vectors_of, worst
 from .case import Case, Check
 from .chains import follow
-from .scenes import PIXEL, WHITE_AMBIENT, ball, material, picture, scene_of, wall
+from .scenes import PIXEL, WHITE_AMBIENT, ball, camera, material, picture, scene_of, wall
 
 # 16: a spherical mirror
 
@@ -45,7 +45,8 @@ def mirrors(p: Precision) -> Iterator[Check]:
         error = worst(picture(scene, max_depth=depth) / ((1 - 0.75**depth) / 0.25) - 1)
         yield Check(f"facing mirrors, depth {depth}: sum of 0.75^k", error, 2 * depth * p.epsilon)
     walls = (wall(f"w{k}", np.eye(3, dtype=int)[k].tolist(), 0, "m") for k in range(3))
-    corner = scene_of(p, PIXEL, material("m", reflection=1), *walls)
+    eye = camera((3, 5, 4), (0, 0, 0), 1, (1, 1))
+    corner = scene_of(p, eye, material("m", reflection=1), *walls)
     d = np.random.default_rng(17).uniform(-1, -0.2, (3, 500))
     d = rounded(p, d / np.linalg.norm(d, axis=0))
     ray = follow(corner, rays_of(p, np.array([[3.0], [5.0], [4.0]]), d), "rrr")
