@@ -1,9 +1,12 @@
 """The documentation says what the code does."""
 
+import inspect
 import re
 from pathlib import Path
 
 import pytest
+
+from whitted.scene import things
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted(ROOT.glob("docs/*.md")) + [ROOT / "README.md"]
@@ -13,6 +16,11 @@ PAGES = sorted(ROOT.glob("docs/*.md")) + [ROOT / "README.md"]
 def test_the_example_of_a_page_is_the_file(file):
     text = (ROOT / "docs/extending.md").read_text()
     assert f"```python\n{(ROOT / 'whitted' / file).read_text()}```" in text
+
+
+def test_the_constructor_of_a_page_is_the_code():
+    text = (ROOT / "docs/extending.md").read_text()
+    assert f"```python\n{inspect.getsource(things.Disc)}```" in text
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

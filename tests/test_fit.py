@@ -4,6 +4,7 @@ A pixel is 0.16 wide, and a fit finds an edge to a hundredth of that. How far aw
 r is, at a distance of 4, only its size in the picture tells: 4 / r times less well.
 """
 
+import base64
 import warnings
 
 import drjit as dr
@@ -300,6 +301,13 @@ def bad(**options):
         ({"wrt": [*WRT, *WRT]}, ValueError, "named twice"),
         ({"wrt": ["spheres.bal.center"]}, KeyError, "nearest: spheres.ball.center"),
         ({"wrt": ["camera.up"]}, KeyError, "no parameter 'camera.up'"),
+        ({"wrt": "spheres.*.centre"}, KeyError, "nearest: spheres.ball.center"),
+        (
+            # A star names several, of which this is one
+            {"wrt": ["lights.*"], "bounds": {"lights.light0.position": (5, 9)}},
+            ValueError,
+            r"starts at 2, 2, 4, outside \[5, 9\]",
+        ),
         ({"method": "sgd"}, ValueError, "expected one of auto, lm, adam, got 'sgd'"),
         ({"iterations": 0}, ValueError, "iterations: expected a whole number from 1 on"),
         ({"starts": 1.5}, ValueError, "starts: expected a whole number from 1 on"),
@@ -379,3 +387,43 @@ def test_a_number_that_ceases_to_be_finite_is_named(ball, target, monkeypatch):
     monkeypatch.setattr(fit_module, "start_of", lambda scene, name: np.array([0.0, np.nan, 0.0]))
     with pytest.raises(ValueError, match=r"spheres\.ball\.center\.y became nan in iteration 0"):
         wt.fit(start, target, wrt=WRT)
+
+
+def result_of(scene, names, **more):
+    """A result as a fit would give it, of parameters that are numbers."""
+    count = len(names)
+    return wt.FitResult(
+        **{
+            "scene": scene,
+            "parameters": dict(zip(names, np.arange(1.0, count + 1), strict=True)),
+            "uncertainty": dict.fromkeys(names, 0.5),
+            "covariance": np.eye(count) / 4,
+            "labels": list(names),
+            "loss": 0.00125,
+            "gains": np.ones((1, 3)),
+            "history": [None] * 7,
+            "stopped": "converged",
+            **more,
+        }
+    )
+
+
+def test_a_result_is_printed_as_a_short_table(ball):
+    result = result_of(ball, ["spheres.ball.radius", "materials.<b>.ior"])
+    assert repr(result).splitlines() == [
+        "FitResult: converged, after 7 iterations; loss 0.00125",
+        "spheres.ball.radius              1 +- 0.5",
+        "materials.<b>.ior                2 +- 0.5",
+    ]
+    many = result_of(ball, [f"spheres.sphere{i}.radius" for i in range(500)])
+    assert repr(many).endswith("and 484 more")
+    assert len(repr(many)) < 2000
+
+
+def test_a_notebook_shows_the_numbers_and_the_picture_of_a_result(ball):
+    page = result_of(ball, ["spheres.ball.radius", "materials.<b>.ior"])._repr_html_()
+    rows = [["spheres.ball.radius", "1", "0.5"], ["materials.&lt;b&gt;.ior", "2", "0.5"]]
+    cells = (f"<tr><td>{'</td><td>'.join(row)}</td></tr>" for row in rows)
+    assert "".join(cells) in page
+    picture = base64.b64encode(ball._repr_png_()).decode()
+    assert f'src="data:image/png;base64,{picture}"' in page

@@ -154,5 +154,10 @@ def test_unknown_names_and_bad_arguments_of_render_are_refused(load):
         KeyError, match=r"the scene has no parameter 'camera\.fow'; nearest: camera\.fov"
     ):
         gradient(load(BALL), "camera.fow")
+    with pytest.raises(
+        ValueError,
+        match=r"^name: 'camera\.\*' stands for camera\.position, camera\.look_at, camera\.fov; ",
+    ):
+        gradient(load(BALL), "camera.*")
     with pytest.raises(ValueError, match=r"^spp: expected a perfect square"):
         gradient(load(BALL), "camera.fov", spp=3)

@@ -248,10 +248,10 @@ from whitted.inverse import report
 scene, folder = sys.argv[1], Path(sys.argv[2])
 wt.write_image(folder / "target.exr", wt.render(wt.load_scene(scene)))
 signal.signal(signal.SIGINT, signal.default_int_handler)
-write = report.write_text
+write = report.write_image
 
 def press(*_):
-    report.write_text = write
+    report.write_image = write
     os.kill(os.getpid(), signal.SIGINT)
     write(*_)
 
@@ -262,7 +262,7 @@ for moment in (0.1, 0.4, None):
     sys.argv = ["whitted", "fit", scene, str(folder / "target.exr"), *names, "-o", str(out)]
     if moment is None:
         sys.argv += ["--iterations", "1"]
-        report.write_text = press
+        report.write_image = press
     else:
         sys.argv += ["--iterations", "1000000"]
         threading.Timer(moment, os.kill, (os.getpid(), signal.SIGINT)).start()

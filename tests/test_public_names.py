@@ -10,15 +10,27 @@ import whitted as wt
 
 NAMES = {
     "BackendError": "(RuntimeError)",
+    "Camera": "(*, position, look_at, fov, resolution, up=(0, 1, 0))",
+    "Checkerboard": "(*, color, size)",
+    "DirectionalLight": "(name=None, *, direction, irradiance)",
+    "Disc": "(name=None, *, center, normal, radius, material)",
     "FitResult": (
         "(scene, parameters, uncertainty, covariance, labels, loss, gains, history, stopped, "
         "notes=<factory>)"
     ),
+    "Material": (
+        "(name, *, color=(0, 0, 0), specular=0, shininess=50, reflection=0, refraction=0, ior=1.5, "
+        "shadow=1, fresnel=False, checker=None)"
+    ),
+    "Plane": "(name=None, *, normal, offset, material)",
+    "PointLight": "(name=None, *, position, intensity, falloff='none')",
     "Scene": (
-        "(camera, resolution, shapes, materials, lights, background, ambient, max_depth=5, "
-        "min_importance=0.0, touched=frozenset(), fixed=None)"
+        "(camera, *, spheres=(), planes=(), discs=(), lights=(), materials=(), "
+        "background=(0, 0, 0), ambient=(0, 0, 0), max_depth=5, min_importance=0, "
+        "precision='single')"
     ),
     "SceneError": "(ValueError)",
+    "Sphere": "(name=None, *, center, radius, material)",
     "__version__": "str",
     "fit": (
         "(scene, target=None, *, wrt, method='auto', spp=4, iterations=None, levels=None, "
@@ -30,23 +42,32 @@ NAMES = {
         "max_depth=None, resolution=None, progress=None)"
     ),
     "load_scene": "(path, precision='single')",
+    "parse_scene": "(text, precision='single')",
     "read_image": "(path, layer=None)",
     "render": (
         "(scene, spp=1, *, error=None, boundary=None, terms='both', max_depth=None, "
         "resolution=None, progress=None)"
     ),
-    "torch_render": "(scene, parameters, spp=1, **options)",
+    "show": "(image)",
+    "to_srgb": "(image)",
+    "torch_render": (
+        "(scene, parameters, spp=1, *, error=None, boundary=None, terms='both', max_depth=None, "
+        "resolution=None, progress=None)"
+    ),
     "write_image": "(path, image, metadata=None)",
 }
 # Attributes and methods of what users hold
 MEMBERS = {
     wt.Scene: {
+        "add": "(self, *new)",
         "ambient": "field",
+        "astype": "(self, precision)",
         "background": "field",
         "camera": "field",
         "carrying": "(self, values)",
         "features": "property",
         "fixed": "field",
+        "from_dict": "(tables, precision='single')",
         "lights": "field",
         "locations": "property",
         "materials": "field",
@@ -57,11 +78,15 @@ MEMBERS = {
         "numbers": "property",
         "parameters": "(self, *names)",
         "precision": "property",
+        "remove": "(self, *names)",
         "replace": "(self, values)",
         "resolution": "field",
+        "save": "(self, path)",
         "sets": "property",
         "shapes": "field",
         "structure": "property",
+        "text": "field",
+        "to_dict": "(self)",
         "touched": "field",
         "used": "property",
     },
@@ -103,7 +128,9 @@ def members(kind):
     for name in dir(kind):
         if not name.startswith("_") and name not in found:
             value = inspect.getattr_static(kind, name)
-            found[name] = signature(value) if inspect.isfunction(value) else "property"
+            value = getattr(kind, name) if isinstance(value, classmethod) else value
+            called = inspect.isfunction(value) or inspect.ismethod(value)
+            found[name] = signature(value) if called else "property"
     return dict(sorted(found.items()))
 
 
@@ -122,4 +149,4 @@ def test_all_that_is_imported_is_listed():
         for name, value in vars(wt).items()
         if not name.startswith("_") and not inspect.ismodule(value)
     }
-    assert found - {"Path", "configure"} == set(wt.__all__) - {"__version__"}
+    assert found - {"Path", "configure", "show_in_notebooks"} == set(wt.__all__) - {"__version__"}

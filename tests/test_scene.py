@@ -85,7 +85,7 @@ def test_parameters_by_name_come_in_that_order(load):
         ("camera.fovy", "nearest: camera.fov"),
         ("ambiant", "nearest: ambient"),
         ("", "nearest: spheres.ball.center, spheres.ball.radius, spheres.sphere1.center"),
-        ("camera.up", "nearest: camera"),
+        ("camera.upp", "nearest: camera"),
         ("zzz", "nearest: spheres.ball.center, spheres.ball.radius, spheres.sphere1.center"),
     ],
 )

@@ -157,7 +157,7 @@ PROBLEMS = [
     (ball("material = 5"), f"spheres[0].material = 5: {NAME}"),
     (
         CAMERA + sphere([0, 0, 0], 1, "red"),
-        'spheres[0].material = "red": there is no such material; the file has no materials',
+        'spheres[0].material = "red": there is no such material; the scene has no materials',
     ),
     (ball('name = ""'), f'spheres[0].name = "": {NAME}'),
     (ball('name = "a\\nb"'), f'spheres[0].name = "a\\nb": {NAME}'),

@@ -43,6 +43,12 @@ def test_without_torch_the_remedy_is_told(load, monkeypatch):
         wt.torch_render(load(SCENES["all"]), {})
 
 
+@pytest.mark.usefixtures("stand_in")
+def test_a_tensor_is_for_one_parameter(load):
+    with pytest.raises(KeyError, match=r"no parameter 'spheres\.\*\.radius'; nearest"):
+        wt.torch_render(load(SCENES["all"], "single"), {"spheres.*.radius": None})
+
+
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [

@@ -9,15 +9,26 @@ from .llvm import BackendError, configure
 __version__ = "0.1.0"
 __all__ = [
     "BackendError",
+    "Camera",
+    "Checkerboard",
+    "DirectionalLight",
+    "Disc",
     "FitResult",
+    "Material",
+    "Plane",
+    "PointLight",
     "Scene",
     "SceneError",
+    "Sphere",
     "__version__",
     "fit",
     "gradient",
     "load_scene",
+    "parse_scene",
     "read_image",
     "render",
+    "show",
+    "to_srgb",
     "torch_render",
     "write_image",
 ]
@@ -41,10 +52,25 @@ except BackendError:
             configure()
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 else:
+    from .files.display import show, to_srgb
     from .files.images import read_image, write_image
     from .inverse.fit import FitResult, fit
     from .rendering.api import render
     from .rendering.gradient import gradient
-    from .scene.files import SceneError, load_scene
+    from .rendering.notebook import show_in_notebooks
+    from .scene.files import load_scene, parse_scene
     from .scene.scene import Scene
+    from .scene.schema import SceneError
+    from .scene.things import (
+        Camera,
+        Checkerboard,
+        DirectionalLight,
+        Disc,
+        Material,
+        Plane,
+        PointLight,
+        Sphere,
+    )
     from .torch import torch_render
+
+    show_in_notebooks()

@@ -26,7 +26,9 @@ app = typer.Typer(
 )
 
 # Options of several commands
-SceneFile = Annotated[Path, typer.Argument(help="The scene, a TOML file.")]
+SceneFile = Annotated[
+    Path, typer.Argument(help="The scene, a TOML file; or the name of a shipped one, as cornell.")
+]
 Spp = Annotated[int, typer.Option(help="Samples per pixel, a perfect square.")]
 Depth = Annotated[
     int | None,
@@ -202,14 +204,12 @@ def fit(
     from .files.writable import check_folder
     from .inverse.fit import INTERRUPTED
     from .inverse.report import NAMES, write_recovery
-    from .scene.rewrite import rewritten
 
     start, picture = load_scene(scene, precision), read_image(target)
     weights = None if mask is None else read_image(mask).numpy().mean(2)
     bounds, resolution = _bounds(bound or []), _size(size)
     check_folder(output, NAMES)
     # Find out that a library is missing before the fit, not after it
-    rewritten(scene, {})
     figure_of(1)
     options: dict[str, Any] = {"spp": spp, "boundary": not no_boundary, "max_depth": depth}
     with _warnings_printed() as warned:
@@ -232,7 +232,7 @@ def fit(
             f"{target}: the picture depends on none of the parameters to recover; "
             "nothing was written"
         )
-    write = partial(write_recovery, output, scene, start, picture, result, options)
+    write = partial(write_recovery, output, start, picture, result, options)
     files, interrupted = insist(write, result.stopped == INTERRUPTED)
     _print_fit(result)
     typer.echo(f"wrote {', '.join(path.name for path in files)} to {output}")
@@ -396,7 +396,7 @@ def _compute(
     )
     return image, {
         "whitted": __version__,
-        "sceneSHA256": hashlib.sha256(scene.read_bytes()).hexdigest(),
+        "sceneSHA256": hashlib.sha256(loaded.text.encode()).hexdigest(),
         "spp": spp,
         "maxDepth": depth,
         "precision": precision,

@@ -1,22 +1,34 @@
 """Images for PyTorch, with gradients through both frameworks (needs the extra `torch`)."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import drjit as dr
 
 from .core.arrays import Array
 from .rendering.api import render
+from .scene.parameters import check_names
 from .scene.scene import Scene
 
 
-def torch_render(scene: Scene, parameters: Mapping[str, Any], spp: int = 1, **options: Any) -> Any:
+def torch_render(
+    scene: Scene,
+    parameters: Mapping[str, Any],
+    spp: int = 1,
+    *,
+    error: float | None = None,
+    boundary: bool | None = None,
+    terms: str = "both",
+    max_depth: int | None = None,
+    resolution: tuple[int, int] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Any:
     """Render a scene with parameters from PyTorch, differentiably in them.
 
     Args:
         parameters: name, as in `Scene.parameters`, to a tensor on the CPU: of one number, or of
             three for a vector; float32 for a scene in single precision, float64 in double.
-        spp, options: of `render`.
+        spp, error, boundary, terms, max_depth, resolution, progress: as of `render`.
 
     Returns:
         Linear RGB radiance, a tensor of shape (height, width, 3).
@@ -33,6 +45,7 @@ def torch_render(scene: Scene, parameters: Mapping[str, Any], spp: int = 1, **op
             "torch_render needs PyTorch, which is missing; "
             "install it with: pip install 'whitted[torch]'"
         ) from None
+    check_names(parameters, scene.locations)
     own = scene.parameters(*parameters) if parameters else {}
     kind = getattr(torch, scene.precision.dtype.__name__)
     for name, value in parameters.items():
@@ -45,7 +58,16 @@ def torch_render(scene: Scene, parameters: Mapping[str, Any], spp: int = 1, **op
     def image(*tensors: Array) -> Array:
         given = zip(own.items(), tensors, strict=True)
         values = {name: _parameter(type(old), tensor.array) for (name, old), tensor in given}
-        return render(scene.replace(values), spp, **options)
+        return render(
+            scene.replace(values),
+            spp,
+            error=error,
+            boundary=boundary,
+            terms=terms,
+            max_depth=max_depth,
+            resolution=resolution,
+            progress=progress,
+        )
 
     return image(*(value.reshape(-1) for value in parameters.values()))
 

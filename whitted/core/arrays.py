@@ -34,6 +34,18 @@ DOUBLE = Precision(
 PRECISIONS = (SINGLE, DOUBLE)
 
 
+def precision_named(name: str) -> Precision:
+    """The precision of this name.
+
+    Raises:
+        ValueError: there is none.
+    """
+    for precision in PRECISIONS:
+        if precision.name == name:
+            return precision
+    raise ValueError(f"precision: expected 'single' or 'double', got {name!r}")
+
+
 def precision_of(array: Array) -> Precision:
     """The precision of an array or a vector of real numbers."""
     return SINGLE if dr.type_v(array) is dr.VarType.Float32 else DOUBLE

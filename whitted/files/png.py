@@ -27,6 +27,15 @@ def from_srgb(encoded: np.ndarray) -> np.ndarray:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
+def in_8_bits(pixels: np.ndarray) -> np.ndarray:
+    """Linear RGB of shape (height, width, 3), clipped to [0, 1], as sRGB from 0 to 255."""
+    # Encode row by row: the double-precision intermediates of a large image take much memory
+    encoded = np.empty(pixels.shape, dtype=np.uint8)
+    for row, out in zip(pixels, encoded, strict=True):
+        out[:] = to_srgb(row) * 255 + 0.5
+    return encoded
+
+
 def write(path: Path, pixels: np.ndarray) -> None:
     """Write a PNG from linear RGB of shape (height, width, 3), clipped to [0, 1].
 
@@ -35,11 +44,7 @@ def write(path: Path, pixels: np.ndarray) -> None:
     """
     from PIL import Image
 
-    # Encode row by row: the double-precision intermediates of a large image take much memory
-    encoded = np.empty(pixels.shape, dtype=np.uint8)
-    for row, out in zip(pixels, encoded, strict=True):
-        out[:] = to_srgb(row) * 255 + 0.5
-    Image.fromarray(encoded).save(path)
+    Image.fromarray(in_8_bits(pixels)).save(path)
 
 
 def read(path: Path) -> np.ndarray:

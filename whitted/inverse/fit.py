@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..core.interrupts import forget, holding, insist, interruptible
+from ..rendering.notebook import picture
 from ..scene.scene import Scene
 from .bounds import Bounds, bounds_of, scales_of, start_of
 from .coarse_to_fine import Plan, coarse_to_fine
@@ -27,9 +28,11 @@ from .views import views_of
 
 # Why a fit stopped, after Ctrl-C
 INTERRUPTED = "interrupted"
+# Numbers that a result shows, at most
+LINES = 16
 
 
-@dataclass
+@dataclass(repr=False)
 class FitResult:
     """What a fit found."""
 
@@ -55,6 +58,30 @@ class FitResult:
         deviations = np.sqrt(self.covariance.diagonal()).tolist()
         return list(zip(self.labels, values, deviations, strict=True))
 
+    def __repr__(self) -> str:
+        lines = [f"{label:32} {value:.7g} +- {sd:.2g}" for label, value, sd in self.numbers()]
+        return "\n".join([self._summary(), *_first(lines)])
+
+    def _repr_html_(self) -> str:
+        """The numbers and a picture of the recovered scene, for notebooks."""
+        from base64 import b64encode
+        from html import escape
+
+        rows = [
+            f"<tr><td>{escape(label)}</td><td>{value:.7g}</td><td>{sd:.2g}</td></tr>"
+            for label, value, sd in self.numbers()
+        ]
+        encoded = b64encode(picture(self.scene)).decode()
+        return (
+            f"<p>{escape(self._summary())}</p><table><tr><th>parameter</th><th>value</th>"
+            f"<th>standard deviation</th></tr>{''.join(_first(rows))}</table>"
+            f'<img alt="the recovered scene" src="data:image/png;base64,{encoded}">'
+        )
+
+    def _summary(self) -> str:
+        steps = f"{len(self.history)} iterations"
+        return f"FitResult: {self.stopped}, after {steps}; loss {self.loss:.4g}"
+
     def plot(self, path: str | None = None) -> Any:
         """Draw the loss and each parameter over the iterations; needs the extra `fit`.
 
@@ -67,9 +94,15 @@ class FitResult:
         return plot(self.history, self.labels, path)
 
 
+def _first(lines: list[str]) -> list[str]:
+    """The first lines of a table, and that there are more."""
+    more = len(lines) - LINES
+    return lines if more <= 0 else [*lines[:LINES], f"and {more} more"]
+
+
 @holding
 def fit(
-    scene: Scene | Sequence[tuple],
+    scene: Scene | Sequence[tuple[Any, ...]],
     target: object = None,
     *,
     wrt: Sequence[str],
@@ -95,7 +128,7 @@ def fit(
         scene: where to start. For several views: pairs (scene, target), or triples with a mask. The
             views share the parameters, and each counts for as much as it has pixels.
         target: linear RGB of shape (height, width, 3), as `read_image` gives it; not integers.
-        wrt: names of the parameters to fit, as in `Scene.parameters`.
+        wrt: names of the parameters to fit, as in `Scene.parameters`; `*` stands for any part.
         method: "lm" (Levenberg-Marquardt), "adam", or "auto", which takes "lm" for up to 16
             numbers.
         spp: samples a pixel, a perfect square.
@@ -127,15 +160,17 @@ def fit(
             ceases to be finite; the message has the parameter and the iteration.
 
     Example:
-        >>> found = whitted.fit(scene, picture, wrt=["ball.center", "glass.ior"])
-        >>> found.parameters["glass.ior"], found.uncertainty["glass.ior"]
+        >>> ior = "materials.glass.ior"
+        >>> found = whitted.fit(scene, picture, wrt=[ior, "spheres.ball.center"])
+        >>> found.parameters[ior], found.uncertainty[ior]
     """
     if callable(progress):
         raise ValueError("progress: expected True or False; give a function as callback")
-    names = _names(wrt)
+    given = _names(wrt)
     plan = Plan(method, iterations, levels, starts, seed)
     views = views_of(scene, target, mask, resolution)
     first = views[0].scene
+    names = list(first.parameters(*given))
     for one in views:
         one.scene.parameters(*names)
     x = np.concatenate([start_of(first, name) for name in names])

@@ -5,13 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from ..files.atomic import atomically, write_text
+from ..files.atomic import atomically
 from ..files.false_color import write_diverging
 from ..files.images import as_numpy, write_image
 from ..files.png import to_srgb
 from ..files.writable import check_folder
 from ..rendering.samples import render_samples
-from ..scene.rewrite import rewritten
 from ..scene.scene import Scene
 from .fit import FitResult
 
@@ -25,7 +24,6 @@ FRAMES, WIDTH, MILLISECONDS, AT_END = 50, 256, 120, 2000
 
 def write_recovery(
     folder: Path,
-    scene_file: Path,
     start: Scene,
     target: Any,
     result: FitResult,
@@ -34,7 +32,6 @@ def write_recovery(
     """Write all files of a fit to a folder, which is created if it is missing.
 
     Args:
-        scene_file: the file that `start` was read from.
         target: the image that was fitted.
         options: of `render`.
 
@@ -43,17 +40,16 @@ def write_recovery(
         target), convergence.png and animation.gif (the fit on the left, the target on the right).
 
     Raises:
-        RuntimeError: there is no matplotlib, or no tomlkit.
+        RuntimeError: there is no matplotlib.
         ValueError: the folder, or one of the files in it, cannot be written to.
         OSError: a file cannot be written.
     """
     check_folder(folder, NAMES)
-    text = rewritten(scene_file, result.parameters)
     folder.mkdir(exist_ok=True)
     pixels = as_numpy(target)
     options = {**options, "resolution": (pixels.shape[1], pixels.shape[0])}
     found = render_samples(result.scene, **options).numpy()
-    write_text(folder / "scene.toml", text)
+    result.scene.save(folder / "scene.toml")
     write_image(folder / "target.png", pixels)
     write_image(folder / "start.png", render_samples(start, **options))
     write_image(folder / "result.png", found)

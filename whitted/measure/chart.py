@@ -89,7 +89,7 @@ def conditions(setup: Setup, release: str) -> dict[str, Any]:
     facts = system()
     return {
         "scene": setup.path.name,
-        "scene SHA-256": hashlib.sha256(setup.path.read_bytes()).hexdigest(),
+        "scene SHA-256": hashlib.sha256(setup.single.text.encode()).hexdigest(),
         "image": "{} x {}".format(*setup.size),
         "compiled in": compiled_in(setup.single),
         "quick": setup.quick,

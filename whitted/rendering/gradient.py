@@ -26,7 +26,7 @@ def gradient(
     """Differentiate every pixel by one parameter, in forward mode.
 
     Args:
-        name: of a parameter of the scene, as in `Scene.parameters`.
+        name: of a parameter of the scene, as in `Scene.parameters`; a pattern has to match one.
         component: of a vector, "x", "y" or "z", which are red, green and blue of a colour; None for
             a number.
         spp, error, boundary, terms, max_depth, resolution: as of `render`.
@@ -38,13 +38,16 @@ def gradient(
 
     Raises:
         KeyError: a name that the scene does not have; the message lists the nearest ones.
-        ValueError: a component that the parameter does not have, a vector without one, or what
-            `render` refuses.
+        ValueError: a pattern that matches several names, a component that the parameter does not
+            have, a vector without one, or what `render` refuses.
 
     Example:
         >>> by_x = whitted.gradient(scene, "spheres.ball.center", "x", spp=4)
     """
     values = dr.detach(scene.parameters(name))
+    if len(values) > 1:
+        raise ValueError(f"name: '{name}' stands for {', '.join(values)}; name one of them")
+    (name,) = values
     tangent = _unit(name, values[name], component)
     dr.enable_grad(values)
     dr.set_grad(values[name], tangent)

@@ -14,7 +14,7 @@ from ..shapes.places import Places, places_of
 from .material import Material
 
 if TYPE_CHECKING:
-    from .scene import Scene
+    from .contents import Contents
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ PLACES = ("camera.position", "lights.", *(f"{kind.group}." for kind in SHAPES))
 
 
 def features_of(
-    scene: "Scene", before: Features | None = None, changed: Collection[str] = ()
+    scene: "Contents", before: Features | None = None, changed: Collection[str] = ()
 ) -> Features:
     """The features of a scene, from the numbers that it has now.
 
@@ -56,7 +56,7 @@ def features_of(
     return Features(*of_materials, places)
 
 
-def _of_materials(scene: "Scene") -> tuple[frozenset[str], frozenset[str], frozenset[str]]:
+def _of_materials(scene: "Contents") -> tuple[frozenset[str], frozenset[str], frozenset[str]]:
     """Which parameters are live, and which materials are coated and shadowless."""
     numbers, touched = scene.numbers, scene.touched
     live = {
@@ -75,53 +75,53 @@ def _of_materials(scene: "Scene") -> tuple[frozenset[str], frozenset[str], froze
     return frozenset(live), frozenset(coated), frozenset(shadowless)
 
 
-def _of_places(scene: "Scene") -> Places:
+def _of_places(scene: "Contents") -> Places:
     numbers = scene.numbers
     by_shape = ([numbers[name] for name in names] for names in scene.names_by_shape)
     lights = [numbers.get(f"lights.{light.name}.position") for light in scene.lights]
     return places_of(scene.shapes, by_shape, numbers["camera.position"], lights, scene.precision)
 
 
-def may(scene: "Scene", material: Material, field: str) -> bool:
+def may(scene: "Contents", material: Material, field: str) -> bool:
     """Whether a material's parameter can differ from its neutral value, and must be compiled."""
     return f"materials.{material.name}.{field}" in scene.features.live
 
 
-def reflects(scene: "Scene") -> bool:
+def reflects(scene: "Contents") -> bool:
     """Whether any material can send a reflected ray: mirrors, and glass by total reflection."""
     return any(may(scene, m, "reflection") or may(scene, m, "refraction") for m in scene.used)
 
 
-def refracts(scene: "Scene") -> bool:
+def refracts(scene: "Contents") -> bool:
     return any(may(scene, m, "refraction") for m in scene.used)
 
 
-def branches_out(scene: "Scene") -> bool:
+def branches_out(scene: "Contents") -> bool:
     """Whether any material can send both rays at once; without one the tree is a chain."""
     return any(may(scene, m, "reflection") and may(scene, m, "refraction") for m in scene.used)
 
 
-def coats(scene: "Scene") -> bool:
+def coats(scene: "Contents") -> bool:
     """Whether anything opaque reflects like a polished dielectric."""
     return any(m.name in scene.features.coated for m in scene.used)
 
 
-def bends(scene: "Scene") -> bool:
+def bends(scene: "Contents") -> bool:
     """Whether any interface between two media matters: of glass, or of what is polished."""
     return refracts(scene) or coats(scene)
 
 
-def weights_vary(scene: "Scene") -> bool:
+def weights_vary(scene: "Contents") -> bool:
     """Whether weights depend on the angle, so that they can change while no decision flips."""
     return any(m.fresnel for m in scene.used) and bends(scene)
 
 
-def glossy(scene: "Scene") -> bool:
+def glossy(scene: "Contents") -> bool:
     """Whether any material has highlights."""
     return any(may(scene, m, "specular") for m in scene.used)
 
 
-def shadow(scene: "Scene", material: Material) -> Literal["full", "part", "none"]:
+def shadow(scene: "Contents", material: Material) -> Literal["full", "part", "none"]:
     """How much of a light a material keeps away."""
     if material.name in scene.features.shadowless:
         return "none"

@@ -1,6 +1,7 @@
 """A scene's parameters by name: where each one is, what may take its place, and its numbers."""
 
 import difflib
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
@@ -70,6 +71,23 @@ def check_names(names: Iterable[str], known: Mapping[str, object]) -> None:
         if name not in known:
             near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.5) or list(known)[:3]
             raise KeyError(f"the scene has no parameter '{name}'; nearest: {', '.join(near)}")
+
+
+def chosen_names(names: Iterable[str], known: Mapping[str, object]) -> list[str]:
+    """The names that are known, or all of them without any; `*` stands for any part of a name.
+
+    Raises:
+        KeyError: one is not known, or none matches; the message lists the nearest names.
+    """
+    chosen: dict[str, None] = {}
+    for name in names:
+        matching = [name]
+        if name not in known and "*" in str(name):
+            pattern = re.compile(".*".join(map(re.escape, name.split("*"))))
+            matching = [each for each in known if pattern.fullmatch(each)] or matching
+        check_names(matching, known)
+        chosen |= dict.fromkeys(matching)
+    return list(chosen or known)
 
 
 def as_parameter(name: str, value: object, old: Array) -> Array:

@@ -1,91 +1,180 @@
 """The scene: what there is, and its parameters by name."""
 
-from collections.abc import Hashable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+import functools
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, ParamSpec
 
 import drjit as dr
 
-from ..core.arrays import PRECISIONS, Array, Precision, precision_of
-from ..core.host import from_numbers, in_own_memory, to_numbers
-from ..core.parameter import ANY, NON_NEGATIVE, Numbers, parameter, parameters_of
-from ..core.pytree import put_together, take_apart
-from ..lights import Light
-from ..shapes import SHAPES, Shape
-from ..shapes.sets import ShapeSet, sets_of
-from .camera import Camera, view_problem
-from .features import Features, features_of
-from .material import Material
+from ..core.arrays import Array, precision_named
+from ..core.host import in_own_memory
+from ..core.parameter import Numbers
+from ..files.atomic import write_text
+from . import things
+from .assemble import added, assembled, removed, replaced, settings_in
+from .build import checked, fields_of
+from .camera import view_problem
+from .contents import FIELDS, Contents
+from .dictionary import dictionary_of, without_default_names
 from .parameters import (
-    Location,
     as_parameter,
     check_names,
     check_numbers,
-    locations_in,
+    chosen_names,
     numbers_of,
-    with_values,
 )
-from .structure import Structure
+from .plain import plain
+from .schema import SceneError, nearest
+from .summary import summary
+from .tables import MAX_DEPTH, MAX_OBJECTS
+from .toml import edited_text, tables_in, text_of
 
-# Most nodes on a chain of rays: the local memory of a kernel's stack grows with them
-MAX_DEPTH = 256
-# Most shapes and lights: each is code of its own, and a kernel of 1000 compiles for half a minute
-MAX_OBJECTS = 1000
+__all__ = ["MAX_DEPTH", "MAX_OBJECTS", "Scene"]
+
+Arguments = ParamSpec("Arguments")
 
 
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """A scene. It does not change: `replace` makes a new one."""
+def _or_of_fields(constructor: Callable[Arguments, None]) -> Callable[Arguments, None]:
+    """A constructor that also takes all fields, from which Dr.Jit and `dataclasses.replace` make
+    copies. It refuses other arguments as a file does.
+    """
+    known = [name for name in inspect.signature(constructor).parameters if name != "self"]
 
-    camera: Camera
-    resolution: tuple[int, int]
-    # By kind, in the order of `SHAPES`, then in that of the file
-    shapes: tuple[Shape, ...]
-    materials: tuple[Material, ...]
-    lights: tuple[Light, ...]
-    # Radiance of a ray that leaves the scene
-    background: Array = parameter(3, ANY, usual=NON_NEGATIVE, default=0)
-    # Ambient radiance, which multiplies the albedo
-    ambient: Array = parameter(3, ANY, usual=NON_NEGATIVE, default=0, neutral=0)
-    max_depth: int = 5
-    min_importance: float = 0.0
-    # The parameters with a neutral value that `replace` has changed
-    touched: frozenset[str] = frozenset()
-    # In a kernel: the features that it is compiled for
-    fixed: Features | None = None
+    @functools.wraps(constructor)
+    def init(scene: "Scene", *args: Any, **given: Any) -> None:
+        if given.keys() == set(FIELDS):
+            scene.__dict__.update(given)
+            return
+        found = [f"{key}: unknown key{nearest(key, known)}" for key in given if key not in known]
+        if not args and "camera" not in given:
+            found.append("camera: missing; expected a table")
+        if found:
+            raise SceneError("\n".join(found))
+        constructor(scene, *args, **given)  # type: ignore[arg-type]
+
+    return init  # type: ignore[return-value]
+
+
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class Scene(Contents):
+    """A scene. It does not change: `replace`, `add` and `remove` make a new one."""
+
+    # What notebooks show. The room of rendering sets it, as there are no rays here
+    _repr_png_: ClassVar[Callable[["Scene"], bytes]]
+
+    @_or_of_fields
+    def __init__(
+        self,
+        camera: things.Camera,
+        *,
+        spheres: Iterable[things.Sphere] = (),
+        planes: Iterable[things.Plane] = (),
+        discs: Iterable[things.Disc] = (),
+        lights: Iterable[things.PointLight | things.DirectionalLight] = (),
+        materials: Iterable[things.Material] | Mapping[str, Any] = (),
+        background: Any = (0, 0, 0),
+        ambient: Any = (0, 0, 0),
+        max_depth: int = 5,
+        min_importance: float = 0,
+        precision: str = "single",
+    ) -> None:
+        """Make a scene.
+
+        Args:
+            camera: a `Camera`.
+            spheres, planes, discs: of each kind of shape; of what coincides the first is seen.
+            lights: of all kinds.
+            materials: those that shapes name; what a shape is given itself is known anyway.
+            background: radiance of a ray that leaves the scene, linear RGB.
+            ambient: ambient radiance, linear RGB, which multiplies the albedo.
+            max_depth: nodes on the longest chain of rays, from 1 to 256; 1 is the primary hit.
+            min_importance: rays whose product of weights is below it are not traced, in [0, 1].
+            precision: "single" (float32) or "double" (float64), of every computation.
+
+        Raises:
+            SceneError: what a file may not have; the message has a line for each problem.
+            ValueError: another precision.
+        """
+        tables = assembled(
+            camera,
+            {"spheres": spheres, "planes": planes, "discs": discs, "lights": lights},
+            materials,
+            background=background,
+            ambient=ambient,
+            max_depth=max_depth,
+            min_importance=min_importance,
+        )
+        self.__dict__.update(vars(Scene._read(tables, precision)))
+
+    @classmethod
+    def from_dict(cls, tables: Mapping[str, Any], precision: str = "single") -> "Scene":
+        """Make a scene of the tables of a scene file.
+
+        Args:
+            tables: as `to_dict` gives them, with numbers of Python, NumPy or Dr.Jit.
+            precision: "single" (float32) or "double" (float64).
+
+        Raises:
+            SceneError: not a valid scene; the message has a line for each problem.
+            ValueError: another precision.
+        """
+        return cls._read(plain(tables), precision)
+
+    @classmethod
+    def _read(
+        cls, tables: Any, precision: str, *, prefix: str = "", named: bool = False, text: str = ""
+    ) -> "Scene":
+        """The scene of some tables; see `checked`, and the field `text`."""
+        types = precision_named(precision)
+        fields = fields_of(checked(tables, prefix, named), types)
+        scene = object.__new__(cls)
+        scene.__dict__.update(fields, touched=frozenset(), fixed=None, text=text)
+        # Read the numbers now: within a function that the user freezes they cannot be read
+        _ = scene.numbers
+        return scene
 
     def parameters(self, *names: str) -> dict[str, Array]:
         """Copies of the parameters of these names, or of all.
+
+        Args:
+            names: such as "spheres.ball.center"; `*` stands for any part of a name.
 
         Returns:
             Name to a Dr.Jit array of width 1: a `Float`, or an `Array3f` for a vector. In double
             precision these are a `Float64` and an `Array3f64`.
 
         Raises:
-            KeyError: a name that the scene does not have; the message lists the nearest ones.
+            KeyError: a name that the scene does not have, or a pattern that none matches; the
+                message lists the nearest ones.
         """
         known = self.locations
-        check_names(names, known)
-        values = {name: known[name].read(self) for name in names or known}
+        values = {name: known[name].read(self) for name in chosen_names(names, known)}
         return {name: type(value)(value) for name, value in values.items()}
 
-    def replace(self, values: Mapping[str, Array]) -> "Scene":
+    def replace(self, values: Mapping[str, Any]) -> "Scene":
         """A new scene with these parameters, differentiable in what was replaced.
 
         Args:
             values: parameter name to a Dr.Jit array of width 1, or to a number or three of them; a
                 dictionary or a `drjit.opt` optimiser. Gradients are tracked through the arrays as
-                they are given.
+                they are given. Also what has no derivative: "spheres.ball.material",
+                "camera.resolution", "camera.up", "max_depth", "min_importance",
+                "materials.glass.fresnel", "materials.white.checker" (a `Checkerboard`, or None),
+                "lights.key.falloff".
 
         Raises:
             KeyError: a name that the scene does not have; the message lists the nearest ones.
             ValueError: a value that is not one scalar, or not one vector, as its parameter is; or a
                 number that has no meaning, as in a file. Steps of optimisers and of differences may
                 overstep a closed range, such as [0, 1], by 0.01.
+            SceneError: another value that a file may not have.
         """
         known = self.locations
-        check_names(values.keys(), known)
+        if not all(name in known for name in values.keys()):  # noqa: SIM118 (an optimiser's are)
+            return self._with_settings(values)
         arrays = {
             name: as_parameter(name, value, known[name].read(self))
             for name, value in values.items()
@@ -103,6 +192,124 @@ class Scene:
         )
         return scene
 
+    def _with_settings(self, values: Mapping[str, Any]) -> "Scene":
+        """The same where some names are not those of parameters."""
+        tables = dictionary_of(self)
+        settings = settings_in(tables)
+        check_names(values.keys(), {**self.locations, **settings})
+        changed = {name: values[name] for name in values.keys() if name in settings}  # noqa: SIM118
+        scene = self._edited(replaced(tables, changed, self.precision), changed)
+        rest = {name: values[name] for name in values.keys() if name not in changed}  # noqa: SIM118
+        return scene.replace(rest) if rest else scene
+
+    def add(self, *new: things.Thing) -> "Scene":
+        """A new scene with more shapes, lights or materials.
+
+        Args:
+            new: `Sphere`, `PointLight`, `Material` and so on; the materials that shapes are given
+                themselves are added, too.
+
+        Raises:
+            SceneError: a name that is taken, or a material that the scene does not have.
+            TypeError: something else.
+        """
+        return self._edited(added(dictionary_of(self), new, self.precision))
+
+    def remove(self, *names: str) -> "Scene":
+        """A new scene without some things.
+
+        Args:
+            names: such as "ball", or "spheres.ball" where other things have the same name.
+
+        Raises:
+            KeyError: nothing has this name, or several things; the message lists names.
+            SceneError: a material that shapes still have.
+        """
+        tables = dictionary_of(self)
+        for name in names:
+            tables = removed(tables, name)
+        return self._edited(tables)
+
+    def _edited(self, tables: dict[str, Any], changed: Iterable[str] = ()) -> "Scene":
+        """The scene of other tables; parameters that it still has keep their arrays.
+
+        Args:
+            changed: names of keys whose tables are new.
+        """
+        scene = Scene._read(tables, self.precision.name, named=True, text=self.text)
+        new = tuple(f"{name}." for name in changed)
+        kept = {
+            name: where.read(self)
+            for name, where in self.locations.items()
+            if name in scene.locations and not name.startswith(new)
+        }
+        touched = self.touched & scene.neutral.keys()
+        scene = scene._with(touched=touched, **scene._changes(kept))
+        _ = scene.numbers
+        return scene
+
+    def astype(self, precision: str) -> "Scene":
+        """The scene in another precision, differentiable in what this one is.
+
+        Args:
+            precision: "single" (float32) or "double" (float64).
+
+        Raises:
+            ValueError: another precision.
+        """
+        types = precision_named(precision)
+        arrays = {name: where.read(self) for name, where in self.locations.items()}
+        scene = self._with(
+            **self._changes(
+                {
+                    name: (types.vector if dr.depth_v(array) == 2 else types.real)(array)
+                    for name, array in arrays.items()
+                }
+            )
+        )
+        _ = scene.numbers
+        return scene
+
+    def to_dict(self) -> dict[str, Any]:
+        """The tables of a scene file: what has its default is left out.
+
+        Numbers are the shortest decimals that give those of the scene. What an optimiser has moved
+        over a closed end of its range is that end.
+        """
+        return without_default_names(dictionary_of(self))
+
+    def save(self, path: str | Path) -> None:
+        """Write a scene file.
+
+        What the file that the scene was read from still says stays as it is written there, with
+        its comments. Only a file of inline or dotted tables may have to be written anew.
+
+        Args:
+            path: a TOML file; an old one is replaced only if all goes well.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        write_text(Path(path), self._edited_text() or text_of(self))
+
+    def _edited_text(self) -> str:
+        """The text of the file that the scene was read from, with what has changed; empty without
+        one, and where it is written in a way that cannot be edited.
+        """
+        if not self.text:
+            return ""
+        precision = self.precision.name
+        before = Scene._read(tables_in(self.text), precision)
+        try:
+            text = edited_text(self.text, before, self)
+            after = Scene._read(tables_in(text), precision)
+        except ValueError:
+            return ""
+        return text if dictionary_of(after) == dictionary_of(self) else ""
+
+    def __repr__(self) -> str:
+        return summary(self)
+
     def _check_view(self, changed: Mapping[str, Numbers]) -> None:
         """Refuse a camera that looks nowhere."""
         names = "camera.position", "camera.look_at"
@@ -116,142 +323,6 @@ class Scene:
             raise ValueError(
                 f"camera.{field} = {told}: {expected}; bound the steps of the optimiser"
             )
-
-    def carrying(self, values: Mapping[str, Array]) -> "Scene":
-        """The scene with these arrays for its parameters, unchecked and of any width."""
-        return self._with(**self._changes(values))
-
-    def _changes(self, values: Mapping[str, Array]) -> dict[str, Any]:
-        """The fields of the scene that hold other arrays than now, by the names of parameters."""
-        fields: dict[str, dict[int | None, dict[tuple[str, ...], Array]]] = {}
-        for name, value in values.items():
-            where = self.locations[name]
-            fields.setdefault(where.field, {}).setdefault(where.place, {})[where.path] = value
-        return {field: self._changed(field, places) for field, places in fields.items()}
-
-    def _changed(self, field: str, places: dict) -> Any:
-        old = getattr(self, field)
-        if isinstance(old, tuple):
-            return tuple(with_values(x, places[k]) if k in places else x for k, x in enumerate(old))
-        return places[None][()] if () in places[None] else with_values(old, places[None])
-
-    def _with(self, **changes: Any) -> "Scene":
-        """A copy with these fields, which has the same parameters."""
-        scene = replace(self, **changes)
-        derived = ("locations", "neutral", "names_by_shape")
-        scene.__dict__.update({name: getattr(self, name) for name in derived})
-        return scene
-
-    def __eq__(self, other: object) -> bool:
-        """Whether another scene has the same objects, numbers, settings and precision."""
-        if not isinstance(other, Scene):
-            return NotImplemented
-        return self._described == other._described and self.numbers == other.numbers
-
-    def __hash__(self) -> int:
-        return hash(self._described)
-
-    @cached_property
-    def _described(self) -> Hashable:
-        """All of the scene but its numbers, and whether `replace` has touched them."""
-        plain = replace(self, touched=frozenset(), fixed=None)
-        return take_apart(plain, []), self.precision.name
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """What is pickled: plain numbers, without gradients.
-
-        Arrays would arrive in NumPy's memory, where kernels are slow.
-        """
-        arrays: list[Array] = []
-        structure = take_apart(self, arrays)
-        return _unpickled, (structure, [to_numbers(array) for array in arrays], self.precision.name)
-
-    def __copy__(self) -> "Scene":
-        """The scene itself, as it does not change."""
-        return self
-
-    def __deepcopy__(self, _: object) -> "Scene":
-        return self
-
-    @cached_property
-    def locations(self) -> dict[str, Location]:
-        """Where each parameter is, by name."""
-        return dict(self._locations())
-
-    def _locations(self) -> Iterator[tuple[str, Location]]:
-        for kind in SHAPES:
-            for place, shape in enumerate(self.shapes):
-                if type(shape) is kind:
-                    yield from locations_in(shape, f"{kind.group}.{shape.name}", "shapes", place)
-        for field in ("materials", "lights"):
-            for place, thing in enumerate(getattr(self, field)):
-                yield from locations_in(thing, f"{field}.{thing.name}", field, place)
-        yield from locations_in(self.camera, "camera", "camera")
-        for field, entry in parameters_of(type(self)).items():
-            yield field, Location(field, None, (), entry)
-
-    @cached_property
-    def neutral(self) -> dict[str, Numbers]:
-        """The neutral values of the parameters that have one, by name."""
-        entries = ((name, where.entry) for name, where in self.locations.items())
-        return {
-            name: (entry.neutral,) * entry.size
-            for name, entry in entries
-            if entry.neutral is not None
-        }
-
-    @cached_property
-    def names_by_shape(self) -> tuple[tuple[str, ...], ...]:
-        """The names of each shape's parameters."""
-        return tuple(
-            tuple(f"{shape.group}.{shape.name}.{field}" for field in parameters_of(type(shape)))
-            for shape in self.shapes
-        )
-
-    @cached_property
-    def numbers(self) -> dict[str, Numbers]:
-        """The numbers of all parameters."""
-        return numbers_of({name: where.read(self) for name, where in self.locations.items()})
-
-    @cached_property
-    def features(self) -> Features:
-        """What the scene's kernels have compiled in."""
-        if self.fixed is not None:
-            return self.fixed
-        if "before" not in self.__dict__:
-            return features_of(self)
-        structure, changed = self.__dict__["before"]
-        return features_of(self, structure.features, changed)
-
-    @cached_property
-    def structure(self) -> Structure:
-        """All of the scene that its kernels are compiled for."""
-        structure, _ = self.__dict__.get("before", (None, ()))
-        return structure if structure and structure.features == self.features else Structure(self)
-
-    @property
-    def precision(self) -> Precision:
-        return precision_of(self.background)
-
-    @cached_property
-    def used(self) -> tuple[Material, ...]:
-        """The materials of the shapes that rays can meet."""
-        names = {name for primitives in self.sets for name in primitives.made_from}
-        return tuple(material for material in self.materials if material.name in names)
-
-    @cached_property
-    def sets(self) -> tuple[ShapeSet, ...]:
-        """The primitives that rays can meet, by kind of shape."""
-        return sets_of(self.shapes, self.features.places)
-
-
-def _unpickled(structure: Any, numbers: list[Any], precision: str) -> Scene:
-    """The scene of `Scene.__reduce__`."""
-    (types,) = (each for each in PRECISIONS if each.name == precision)
-    scene: Scene = put_together(structure, (from_numbers(own, types) for own in numbers))
-    # Read the numbers now: within a function that the user freezes they cannot be read
-    _ = scene.numbers
-    return scene
 
 
 def _is_recording() -> bool:

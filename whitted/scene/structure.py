@@ -9,13 +9,14 @@ from ..core.arrays import Array
 from ..core.pytree import put_together, take_apart
 
 if TYPE_CHECKING:
+    from .contents import Contents
     from .scene import Scene
 
 
 class Structure:
     """A scene without its arrays. It can be hashed, so that kernels are recorded by it."""
 
-    def __init__(self, scene: "Scene") -> None:
+    def __init__(self, scene: "Contents") -> None:
         self.features = scene.features
         self.precision = scene.precision
         # The rest of the fields is given to kernels in other ways, or not at all
@@ -24,6 +25,7 @@ class Structure:
             "resolution": (0, 0),
             "max_depth": 0,
             "min_importance": 0.0,
+            "text": "",
         }
         compiled = replace(scene, fixed=self.features, **other)  # type: ignore[arg-type]
         self.key = take_apart(compiled, []), self.precision.name

@@ -22,8 +22,13 @@ from ..lights import LIGHTS
 from ..shapes import SHAPES
 from .camera import Camera
 from .material import Material
-from .scene import MAX_DEPTH, Scene
+from .surroundings import Surroundings
 from .texture import Checkerboard
+
+# Most nodes on a chain of rays: the local memory of a kernel's stack grows with them
+MAX_DEPTH = 256
+# Most shapes and lights: each is code of its own, and a kernel of 1000 compiles for half a minute
+MAX_OBJECTS = 1000
 
 GROUPS = {kind.group: kind for kind in SHAPES}
 # The type of a light's table without one
@@ -112,6 +117,8 @@ OPTIONAL_NAME = (Name | None, None)
 CameraTable = _table(Camera, up=(Vector, [0, 1, 0]), resolution=(Resolution, ...))
 CheckerTable = _table(Checkerboard)
 MaterialTable = _table(Material, checker=(CheckerTable | None, None))
+# Of a material by itself. In a file the name is the key of the table
+NamedMaterialTable = _table(Material, name=(Name, ...), checker=(CheckerTable | None, None))
 SHAPE_TABLES = {
     group: _table(kind, name=OPTIONAL_NAME, material=(Name, ...)) for group, kind in GROUPS.items()
 }
@@ -137,7 +144,7 @@ def _any_light() -> Any:
 
 
 SceneTable = _table(
-    Scene,
+    Surroundings,
     max_depth=(Depth, 5),
     min_importance=(_numbers(1, UNIT), 0),
     camera=(CameraTable, ...),

@@ -1,0 +1,182 @@
+"""What a scene holds, as kernels see it: its fields, and all that is derived from them."""
+
+from collections.abc import Hashable, Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, TypeVar
+
+from ..core.arrays import Array, Precision, precision_named, precision_of
+from ..core.host import from_numbers, to_numbers
+from ..core.parameter import Numbers, parameters_of
+from ..core.pytree import put_together, take_apart
+from ..lights import Light
+from ..shapes import SHAPES, Shape
+from ..shapes.sets import ShapeSet, sets_of
+from .camera import Camera
+from .features import Features, features_of
+from .material import Material
+from .parameters import Location, locations_in, numbers_of, with_values
+from .structure import Structure
+from .surroundings import Surroundings
+
+Own = TypeVar("Own", bound="Contents")
+
+
+@dataclass(frozen=True, eq=False, init=False, repr=False, kw_only=True)
+class Contents(Surroundings):
+    """The fields of a `Scene`, whose constructors are in `scene.py`."""
+
+    camera: Camera
+    resolution: tuple[int, int]
+    # By kind, in the order of `SHAPES`, then in that of the file
+    shapes: tuple[Shape, ...]
+    materials: tuple[Material, ...]
+    lights: tuple[Light, ...]
+    max_depth: int
+    min_importance: float
+    # The parameters with a neutral value that `replace` has changed
+    touched: frozenset[str]
+    # In a kernel: the features that it is compiled for
+    fixed: Features | None
+    # The file that it was read from, whose comments `save` keeps; empty without one
+    text: str
+
+    def carrying(self: Own, values: Mapping[str, Array]) -> Own:
+        """The scene with these arrays for its parameters, unchecked and of any width."""
+        return self._with(**self._changes(values))
+
+    def _changes(self, values: Mapping[str, Array]) -> dict[str, Any]:
+        """The fields of the scene that hold other arrays than now, by the names of parameters."""
+        fields: dict[str, dict[int | None, dict[tuple[str, ...], Array]]] = {}
+        for name, value in values.items():
+            where = self.locations[name]
+            fields.setdefault(where.field, {}).setdefault(where.place, {})[where.path] = value
+        return {field: self._changed(field, places) for field, places in fields.items()}
+
+    def _changed(self, field: str, places: dict[int | None, Any]) -> Any:
+        old = getattr(self, field)
+        if isinstance(old, tuple):
+            return tuple(with_values(x, places[k]) if k in places else x for k, x in enumerate(old))
+        return places[None][()] if () in places[None] else with_values(old, places[None])
+
+    def _with(self: Own, **changes: Any) -> Own:
+        """A copy with these fields, which has the same parameters."""
+        scene, own = object.__new__(type(self)), self.__dict__
+        scene.__dict__.update({name: own[name] for name in FIELDS}, **changes)
+        derived = ("locations", "neutral", "names_by_shape")
+        scene.__dict__.update({name: getattr(self, name) for name in derived})
+        return scene
+
+    def __eq__(self, other: object) -> bool:
+        """Whether another scene has the same objects, numbers, settings and precision."""
+        if not isinstance(other, Contents):
+            return NotImplemented
+        return self._described == other._described and self.numbers == other.numbers
+
+    def __hash__(self) -> int:
+        return hash(self._described)
+
+    @cached_property
+    def _described(self) -> Hashable:
+        """All of the scene but its numbers, and whether `replace` has touched them."""
+        described = replace(self, touched=frozenset(), fixed=None, text="")
+        return take_apart(described, []), self.precision.name
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What is pickled: plain numbers, without gradients.
+
+        Arrays would arrive in NumPy's memory, where kernels are slow.
+        """
+        arrays: list[Array] = []
+        structure = take_apart(self, arrays)
+        return _unpickled, (structure, [to_numbers(array) for array in arrays], self.precision.name)
+
+    def __copy__(self: Own) -> Own:
+        """The scene itself, as it does not change."""
+        return self
+
+    def __deepcopy__(self: Own, _: object) -> Own:
+        return self
+
+    @cached_property
+    def locations(self) -> dict[str, Location]:
+        """Where each parameter is, by name."""
+        return dict(self._locations())
+
+    def _locations(self) -> Iterator[tuple[str, Location]]:
+        for kind in SHAPES:
+            for place, shape in enumerate(self.shapes):
+                if type(shape) is kind:
+                    yield from locations_in(shape, f"{kind.group}.{shape.name}", "shapes", place)
+        for field in ("materials", "lights"):
+            for place, thing in enumerate(getattr(self, field)):
+                yield from locations_in(thing, f"{field}.{thing.name}", field, place)
+        yield from locations_in(self.camera, "camera", "camera")
+        for field, entry in parameters_of(type(self)).items():
+            yield field, Location(field, None, (), entry)
+
+    @cached_property
+    def neutral(self) -> dict[str, Numbers]:
+        """The neutral values of the parameters that have one, by name."""
+        entries = ((name, where.entry) for name, where in self.locations.items())
+        return {
+            name: (entry.neutral,) * entry.size
+            for name, entry in entries
+            if entry.neutral is not None
+        }
+
+    @cached_property
+    def names_by_shape(self) -> tuple[tuple[str, ...], ...]:
+        """The names of each shape's parameters."""
+        return tuple(
+            tuple(f"{shape.group}.{shape.name}.{field}" for field in parameters_of(type(shape)))
+            for shape in self.shapes
+        )
+
+    @cached_property
+    def numbers(self) -> dict[str, Numbers]:
+        """The numbers of all parameters."""
+        return numbers_of({name: where.read(self) for name, where in self.locations.items()})
+
+    @cached_property
+    def features(self) -> Features:
+        """What the scene's kernels have compiled in."""
+        if self.fixed is not None:
+            return self.fixed
+        if "before" not in self.__dict__:
+            return features_of(self)
+        structure, changed = self.__dict__["before"]
+        return features_of(self, structure.features, changed)
+
+    @cached_property
+    def structure(self) -> Structure:
+        """All of the scene that its kernels are compiled for."""
+        structure, _ = self.__dict__.get("before", (None, ()))
+        return structure if structure and structure.features == self.features else Structure(self)
+
+    @property
+    def precision(self) -> Precision:
+        return precision_of(self.background)
+
+    @cached_property
+    def used(self) -> tuple[Material, ...]:
+        """The materials of the shapes that rays can meet."""
+        names = {name for primitives in self.sets for name in primitives.made_from}
+        return tuple(material for material in self.materials if material.name in names)
+
+    @cached_property
+    def sets(self) -> tuple[ShapeSet, ...]:
+        """The primitives that rays can meet, by kind of shape."""
+        return sets_of(self.shapes, self.features.places)
+
+
+FIELDS = tuple(field.name for field in fields(Contents))
+
+
+def _unpickled(structure: Any, numbers: list[Any], precision: str) -> Contents:
+    """The scene of `Scene.__reduce__`."""
+    types = precision_named(precision)
+    scene: Contents = put_together(structure, (from_numbers(own, types) for own in numbers))
+    # Read the numbers now: within a function that the user freezes they cannot be read
+    _ = scene.numbers
+    return scene
