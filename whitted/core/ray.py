@@ -1,8 +1,9 @@
 """Rays: those that look for a surface, and those that look for a light.
 
 Conventions. Directions are unit vectors along the ray's travel. A ray knows the primitive that it
-starts on (`source`, its number in the scene, or `NONE` for a ray from the eye), and whether it leaves into that primitive
-(`inward`). So algebra keeps a surface from meeting its own rays, and no epsilon is needed.
+starts on (`source`, its number in the scene, or `NONE` for a ray from the eye), and whether it
+leaves into that primitive (`inward`). So algebra keeps a surface from meeting its own rays, and no
+epsilon is needed.
 """
 
 from dataclasses import dataclass

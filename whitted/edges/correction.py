@@ -54,6 +54,8 @@ class Correction:
     weights: Array | None = None
     extra: list[Extra] = field(default_factory=list)
     edges: list[MovingPoints] = field(default_factory=list)
+    # Bool: these numbers of the pixels do not follow edges, since they are cut off
+    cut: np.ndarray | None = None
 
     def by_weight(self, wrt: Parameters) -> tuple[Parameters, Parameters]:
         """The parameters `wrt` in two parts, the second for weights that are very small.
@@ -124,12 +126,15 @@ class Correction:
             deposit(image, extra.pixel, *(stacked(slope, slice(len(extra.x))) * extra.weight))
 
     def _add_boundary(self, image: np.ndarray, wrt: Parameters, tangents: Parameters) -> None:
+        moved = image if self.cut is None else np.zeros_like(image)
         for edges in self.edges:
             place = self.band.lanes(edges.x, edges.y)
             inputs = *self.band.inputs, wrt, tangents, *place, _edge(edges.edge)
             slope = kernels.levels_jvp(*inputs).numpy()[: len(edges.x)]
             channels = (edges.change * (channel * slope) for channel in edges.jump)
-            deposit(image, edges.pixel, *channels)
+            deposit(moved, edges.pixel, *channels)
+        if self.cut is not None:
+            image += np.where(self.cut, 0, moved)
 
     def adjoint(self, wrt: Parameters, image: Array, terms: str) -> Parameters:
         """The derivatives of dot(image, pixels) by the parameters `wrt`."""
@@ -158,6 +163,8 @@ class Correction:
         self, wrt: Parameters, image: Array
     ) -> Iterator[Callable[[], Parameters]]:
         band = self.band
+        if self.cut is not None:
+            image = to_array(np.where(self.cut, 0, image.numpy()).astype(band.dtype), len(self.cut))
         for edges in self.edges:
             changed = ad.Array2u(*band.lanes(*_unsigned(edges.pixel)))
             change = band.structure.precision.vector2(*band.lanes(*edges.change))

@@ -15,6 +15,7 @@ from .grid import Samples
 from .motion import Edge
 from .pairs import Crossings, Pairs, walk_order
 from .quadrature import Extra, intervals_beside, samples_beside
+from .steep import attenuated
 from .tables import deposit, rows_of
 
 
@@ -32,9 +33,12 @@ class Found:
     """What the search found in a band."""
 
     band: Band
+    image: np.ndarray  # the band's pixels, flat
     refined: np.ndarray  # the pixels that are sampled anew, in order
-    fine: list[Samples]
+    fine: Samples | None  # their samples
     crossed: list[Crossed]
+    lost: np.ndarray  # numbers of samples beside which there are edges that were not found
+    cut: np.ndarray | None  # Bool: numbers of pixels that were cut off (`bounds.py`)
 
     @cached_property
     def correction(self) -> Correction:
@@ -43,24 +47,25 @@ class Found:
         It is made when the first derivative asks for it. Kernels of what comes after the image may
         be running meanwhile.
         """
-        band, result = self.band, Correction(self.band)
+        band, result = self.band, Correction(self.band, cut=self.cut)
         # The part of each sample that edges take away, by the number of the sample
         shape = (band.rows + 2) * band.side, (band.resolution[0] + 2) * band.side
         first = shape[0] * shape[1]
-        taken = np.zeros(first + sum(group.pixel.size for group in self.fine), band.dtype)
+        finer = 0 if self.fine is None else self.fine.pixel.size
+        taken = np.zeros(first + finer, band.dtype)
         ends = [np.zeros((2, 0), int)]
         ends += [x.pairs.ends(x.crossings.pair[x.crossings.singular]) for x in self.crossed]
         marked = np.concatenate(ends, 1)
         for crossed in self.crossed:
             result.extra += self._beside(crossed, marked, taken)
             result.edges.append(_moving(crossed))
-        for group in self.fine:
-            weight = (1 - taken[group.first : group.first + group.pixel.size]) / group.side**2
-            inside = np.flatnonzero((group.pixel >= 0) & (weight != 0))
-            order = walk_order(group.labels.ravel())
-            not_beside = np.zeros(len(weight), bool)
-            whole = Extra(group.x, group.y, group.pixel, weight, not_beside, order)
-            result.extra.append(rows_of(whole, inside))
+        # The derivative of such a sample lacks that of the edges, which may nearly cancel it
+        taken[self.lost] = 1
+        if self.fine is not None:
+            result.extra.append(_inside(self.fine, 1 - taken[first:]))
+        pixels = self.image.reshape(-1, 3)
+        brightness = np.maximum(np.maximum(pixels[:, 0], pixels[:, 1]), pixels[:, 2])
+        result.extra = [attenuated(band, extra, brightness) for extra in result.extra]
         result.weights = self._weights(taken[:first].reshape(shape))
         return result
 
@@ -96,6 +101,15 @@ class Found:
         rows, places = self.refined // columns, self.refined % columns
         regular.reshape(self.band.rows, side, columns, side)[rows, :, places] = 0
         return weights
+
+
+def _inside(fine: Samples, weight: np.ndarray) -> Extra:
+    """The finer samples inside of pixels, as far as edges leave them."""
+    inside = np.flatnonzero((fine.pixel >= 0) & (weight != 0))
+    order, not_beside = walk_order(fine.labels.ravel()), np.zeros(len(weight), bool)
+    width = np.full(len(weight), 1 / fine.side)
+    columns = fine.x, fine.y, fine.pixel, weight / fine.side**2
+    return rows_of(Extra(*columns, not_beside, order, width), inside)
 
 
 def _moving(crossed: Crossed) -> MovingPoints:

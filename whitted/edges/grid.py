@@ -87,6 +87,18 @@ def fine_samples(
     return samples, np.flatnonzero(traced)
 
 
+def samples_inside(shape: tuple[int, ...]) -> np.ndarray:
+    """The places of the samples inside of grids with rings: (samples of a grid, grids)."""
+    places = np.arange(shape[0] * shape[1] * shape[2]).reshape(shape)
+    return places[:, 1:-1, 1:-1].reshape(shape[0], -1).T
+
+
+def regular_samples(pixels: np.ndarray, side: int, columns: int) -> tuple[np.ndarray, np.ndarray]:
+    """The image positions of the samples of some pixels of a band: (side * side, N)."""
+    j, i = np.divmod(np.arange(side * side)[:, None], side)
+    return pixels % columns + (i + 0.5) / side, pixels // columns + (j + 0.5) / side
+
+
 @lru_cache
 def _ring(side: int) -> tuple[np.ndarray, ...]:
     """A grid of side * side places and a ring around them.

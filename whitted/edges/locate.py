@@ -71,7 +71,8 @@ class Crossing:
     # Bool: radiance near the edge changes like the root of the distance or faster, enough to matter
     singular: Array
     behind: Array  # Bool: it does so behind the edge, not before it
-    jump: Array  # Array3f: radiance right before the edge less that right behind it
+    before: Array  # Array3f: radiance right before the edge
+    jump: Array  # Array3f: the same, less radiance right behind the edge
     label_before: Array  # UInt32 or UInt64: the labels there
     label_behind: Array
     more_before: Array  # Bool: another edge is between start and this one
@@ -132,6 +133,7 @@ def cross(shot: Shot, segment: Segment) -> Crossing:
         weight=weight,
         behind=dr.select(grazes, other < on, slopes.along > 0),
         singular=(rooted | grazes) & (weight > SLIGHT) & (reach >= 2 * shot.limits.faint),
+        before=color[0],
         jump=dr.select(found, color[0] - color[1], 0),
         label_before=label[0],
         label_behind=label[1],

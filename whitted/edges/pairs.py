@@ -38,6 +38,7 @@ class Moves:
     pixel: np.ndarray  # (2, N)
     moved: np.ndarray  # (2, N), in units of the jump
     jump: np.ndarray  # (3, N)
+    before: np.ndarray  # (3, N): radiance right before the edge
 
 
 @dataclass(frozen=True)

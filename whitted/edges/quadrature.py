@@ -51,6 +51,7 @@ class Extra:
     weight: np.ndarray  # what the sample counts for in its pixel
     beside: np.ndarray  # bool: it is beside an edge
     order: np.ndarray  # of `walk_order`
+    width: np.ndarray  # of the strip that it stands for, in pixels
 
 
 def intervals_beside(
@@ -114,11 +115,12 @@ def samples_beside(interval: Interval, pieces: int, pixel: np.ndarray, order: np
     """
     x, y, weight, in_b, behind = nodes(interval, pieces)
     pixel, order = np.where(in_b, *pixel[::-1]), np.where(behind, *order[::-1])
+    width = np.broadcast_to(interval.length, x.shape)
     kept = np.flatnonzero((weight > 0) & (pixel >= 0))
-    x, y, pixel, weight, order = (
-        column.ravel().take(kept) for column in (x, y, pixel, weight, order)
+    x, y, pixel, weight, order, width = (
+        column.ravel().take(kept) for column in (x, y, pixel, weight, order, width)
     )
-    return Extra(x, y, pixel, weight, np.ones(len(x), bool), order)
+    return Extra(x, y, pixel, weight, np.ones(len(x), bool), order, width)
 
 
 def nodes(interval: Interval, pieces: int) -> tuple[np.ndarray, ...]:

@@ -1,7 +1,8 @@
 """The search for the edges in a band, which corrects the band's pixels."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -9,103 +10,147 @@ from ..core.arrays import Array
 from ..core.host import chunks, stacked, to_numpy
 from ..sampling.band import Band
 from . import kernels, settings
+from .bounds import cut_off
 from .found import Crossed, Found, columns_of
-from .grid import Samples, band_samples, fine_samples, neighbours_across_edges
+from .grid import (
+    Samples,
+    band_samples,
+    fine_samples,
+    neighbours_across_edges,
+    regular_samples,
+    samples_inside,
+)
 from .locate import Crossing, Segment
 from .pairs import Crossings, Moves, Pairs, interleaved, pairs_of
-from .refinement import groups_to_refine
+from .refinement import crowded, finer_side, pixels_to_refine
 from .tables import concatenated, deposit, rows_of
 
+# Called with the fraction done
+Report = Callable[[float], None]
 
-def correct(band: Band, keep: bool) -> tuple[Array, Found | None]:
+
+def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]:
     """A band's pixels, row-major with RGB interleaved, corrected where edges cross them.
 
     Args:
-        keep: also return what the derivatives of the pixels need.
+        keep: also return what the derivatives of the pixels need, for one part of the band after
+            the other.
     """
-    return _Search(band, keep).run()
+    inputs = band.structure, band.parameters, band.film(margin=1), band.limits
+    flat, labels = kernels.labelled_image(*inputs)
+    image, side, width = flat.numpy(), band.side, band.resolution[0]
+    grid = labels.numpy().reshape((band.rows + 2) * side, -1)
+    found = []
+    for first, rows in _parts(band, grid):
+        part = replace(band, first_row=band.first_row + first, rows=rows)
+        pixels = image[first * width * 3 : (first + rows) * width * 3]
+        search = _Search(part, keep, pixels, grid[first * side : (first + rows + 2) * side])
+        search.run()
+        if keep:
+            found.append(search.found())
+        report((first + rows) / band.rows)
+    return flat, found
+
+
+def _parts(band: Band, labels: np.ndarray) -> Iterator[tuple[int, int]]:
+    """First row and rows of the parts of a band that are searched one after the other.
+
+    What a row costs is told by its pairs of neighbours, and by the samples of its pixels that may
+    be sampled anew.
+    """
+    samples = band_samples(labels, band.side, 0)
+    _, _, ends = neighbours_across_edges(samples)
+    width = band.resolution[0]
+    rows = np.maximum(*ends) // width, crowded(ends, band.side) // width
+    cost = np.bincount(rows[0], minlength=band.rows)
+    cost += finer_side(band.side) ** 2 * np.bincount(rows[1], minlength=band.rows)
+    number = (np.cumsum(cost) - cost) // settings.SEARCHED
+    starts = np.flatnonzero(np.diff(number, prepend=-1))
+    for first, stop in zip(starts, np.append(starts[1:], band.rows), strict=True):
+        yield int(first), int(stop - first)
 
 
 class _Search:
-    """The search for a band's edges.
+    """The search for the edges in a part of a band.
 
     All samples, regular and finer, are numbered in the order in which they are traced.
     """
 
-    def __init__(self, band: Band, keep: bool) -> None:
-        self.band, self.keep = band, keep
-        inputs = band.structure, band.parameters, band.film(margin=1), band.limits
-        self.flat, labels = kernels.labelled_image(*inputs)
-        self.image = self.flat.numpy()
-        grid = labels.numpy().reshape((band.rows + 2) * band.side, -1)
-        self.samples = band_samples(grid, band.side, band.first_row)
+    def __init__(self, band: Band, keep: bool, image: np.ndarray, labels: np.ndarray) -> None:
+        self.band, self.keep, self.image = band, keep, image
+        self.samples = band_samples(labels, band.side, band.first_row)
+        self.refined = np.zeros(0, np.int64)  # the pixels that are sampled anew, in order
+        self.fine: Samples | None = None  # their samples
+        self.fine_range = np.zeros((2, 3, 0), image.dtype)  # and the range of their radiance
         self.moves: dict[int, list[Moves]] = {}  # by the round of the search
         self.crossed: list[Crossed] = []  # one for each chunk of pairs
+        # Single samples beside edges that are not found. With more samples such edges are slight
+        self.lost: list[np.ndarray] = [np.zeros(0, np.int64)]
+        self.cut: np.ndarray | None = None  # of `cut_off`
 
-    def run(self) -> tuple[Array, Found | None]:
+    def run(self) -> None:
+        """Correct the image."""
         band, samples = self.band, self.samples
         a, b, ends = neighbours_across_edges(samples)
-        groups = groups_to_refine(samples, ends)
-        columns, top = band.resolution[0], band.first_row
-        finer = [(pixels, side) for pixels, side in groups if pixels.size]
-        places = [fine_samples(pixels, side, columns, top) for pixels, side in finer]
-        traced = self.trace(places)
+        self.refined = pixels_to_refine(samples, ends)
+        place = self.refined, finer_side(band.side), band.resolution[0], band.first_row
+        traced = self.trace(*fine_samples(*place)) if self.refined.size else None
 
         # Pixels that are sampled anew have pairs of their own
-        refined = np.sort(np.concatenate([pixels for pixels, _ in groups]))
         apart = np.zeros(len(self.image) // 3 + 1, bool)
-        apart[refined] = apart[-1] = True
+        apart[self.refined] = apart[-1] = True
         ends[apart.take(ends)] = -1
         kept = np.flatnonzero(np.maximum(*ends) >= 0)
-        regular = pairs_of(samples, a.take(kept), b.take(kept), ends.take(kept, 1))
-        fine = self.refine(places, traced)
-        within = [pairs_of(group, *neighbours_across_edges(group)) for group in fine]
-        pairs = concatenated([regular, *within])
+        pairs = pairs_of(samples, a.take(kept), b.take(kept), ends.take(kept, 1))
+        if traced is not None:
+            fine = self.refine(*traced)
+            pairs = concatenated([pairs, pairs_of(fine, *neighbours_across_edges(fine))])
         for part in chunks(len(pairs), settings.LANES):
             whole = len(pairs) <= settings.LANES
             self.cross(pairs if whole else rows_of(pairs, np.arange(part.start, part.stop)))
         self.move()
-        return self.flat, Found(band, refined, fine, self.crossed) if self.keep else None
 
-    def trace(self, fine: list[tuple[Samples, np.ndarray]]) -> list[tuple[Array, Array]]:
+    def found(self) -> Found:
+        """What the derivatives of the pixels need."""
+        lost = np.concatenate(self.lost)
+        more = self.refined, self.fine, self.crossed, lost, self.cut
+        return Found(self.band, self.image, *more)
+
+    def trace(
+        self, fine: Samples, places: np.ndarray
+    ) -> tuple[Samples, np.ndarray, list[tuple[Array, Array]]]:
         """Begin to trace finer samples: their radiance and labels."""
-        if not fine:
-            return []
-        x = np.concatenate([group.x[places] for group, places in fine])
-        y = np.concatenate([group.y[places] for group, places in fine])
+        x, y = fine.x[places], fine.y[places]
         parts = chunks(len(x), settings.SAMPLES)
         lanes = (self.band.lanes(x[part], y[part]) for part in parts)
-        return [kernels.labelled_samples(*self.band.inputs, *place) for place in lanes]
+        return fine, places, [kernels.labelled_samples(*self.band.inputs, *at) for at in lanes]
 
     def refine(
-        self, fine: list[tuple[Samples, np.ndarray]], traced: list[tuple[Array, Array]]
-    ) -> list[Samples]:
+        self, fine: Samples, places: np.ndarray, traced: list[tuple[Array, Array]]
+    ) -> Samples:
         """The finer samples with labels; pixels get the mean of their radiance."""
-        if not traced:
-            return []
         colors = np.concatenate([to_numpy(color) for color, _ in traced], 1).T
         labels = np.concatenate([label.numpy() for _, label in traced])
-        result, number, done = [], self.samples.labels.size, 0
-        for group, places in fine:
-            shape, size = group.labels.shape, group.labels.size
-            part = slice(done, done + len(places))
-            label, color = np.zeros(size, labels.dtype), np.zeros((size, 3), colors.dtype)
-            label[places], color[places] = labels[part], colors[part]
-            label = label.take(group.counted(np.arange(size)))
-            result.append(replace(group, labels=label.reshape(shape), first=number))
-            inside = np.arange(size).reshape(shape)[:, 1:-1, 1:-1].reshape(shape[0], -1).T
-            self.image.reshape(-1, 3)[group.pixel.take(inside[0])] = color.take(inside, 0).mean(0)
-            number, done = number + size, done + len(places)
-        return result
+        shape, size, count = fine.labels.shape, fine.labels.size, len(places)
+        label, color = np.zeros(size, labels.dtype), np.zeros((size, 3), colors.dtype)
+        label[places], color[places] = labels[:count], colors[:count]
+        label = label.take(fine.counted(np.arange(size))).reshape(shape)
+        inside = color.take(samples_inside(shape), 0)
+        self.image.reshape(-1, 3)[self.refined] = inside.mean(0)
+        self.fine_range = np.stack([inside.min(0).T, inside.max(0).T])
+        self.fine = replace(fine, labels=label, first=self.samples.labels.size)
+        return self.fine
 
     def cross(self, pairs: Pairs) -> None:
         """Find the edges between pairs of samples, and what they move from pixel to pixel."""
         groups, edges = [], []
-        for round, (pair, lane, crossing) in enumerate(_rounds(self.band, pairs)):
-            jump = stacked(crossing.jump, lane)
-            move = Moves(pairs.pixel.take(pair, 1), stacked(crossing.moved, lane), jump)
+        for round, (pair, lane, lost, crossing) in enumerate(_rounds(self.band, pairs)):
+            jump, before = stacked(crossing.jump, lane), stacked(crossing.before, lane)
+            move = Moves(pairs.pixel.take(pair, 1), stacked(crossing.moved, lane), jump, before)
             self.moves.setdefault(round, []).append(move)
             if self.keep:
+                if self.band.side == 1:
+                    self.lost.append(pairs.sample.take(lost, 1).ravel())
                 change = stacked(crossing.change, lane)
                 moves = np.flatnonzero(change.any(0))
                 lane = lane.take(moves)
@@ -126,17 +171,47 @@ class _Search:
 
     def move(self) -> None:
         """Correct the pixels, in an order that does not depend on the chunks."""
-        for moves in map(concatenated, self.moves.values()):
+        rounds = [concatenated(moves) for moves in self.moves.values()]
+        if not rounds:
+            return
+        start = self.image.copy()
+        for moves in rounds:
             deposit(self.image, moves.pixel, *(moves.moved * channel for channel in moves.jump))
+        self.cut = cut_off(self.image, start, concatenated(rounds), partial(self.range_of, start))
+
+    def range_of(self, start: np.ndarray, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The least and the greatest radiance of the samples in some pixels, each (3, N)."""
+        low = start.reshape(-1, 3).T.take(pixels, 1)
+        high = low.copy()
+        again = np.isin(pixels, self.refined, assume_unique=True)
+        if again.any():
+            own = np.searchsorted(self.refined, pixels[again])
+            low[:, again], high[:, again] = self.fine_range.take(own, 2)
+        if self.band.side > 1 and not again.all():
+            low[:, ~again], high[:, ~again] = self.retraced_range(pixels[~again])
+        return low, high
+
+    def retraced_range(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The range of the regular samples of some pixels, which are traced again."""
+        x, y = regular_samples(pixels, self.band.side, self.band.resolution[0])
+        place = self.band.lanes(x.ravel(), y.ravel() + self.band.first_row)
+        color = stacked(
+            to_numpy(kernels.labelled_samples(*self.band.inputs, *place)[0]), slice(x.size)
+        )
+        seen = color.reshape(3, *x.shape)
+        return seen.min(1), seen.max(1)
 
 
-def _rounds(band: Band, pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray, Crossing]]:
+def _rounds(
+    band: Band, pairs: Pairs
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, Crossing]]:
     """Edges between pairs of samples, and then those in the rest of the segments.
 
     While the crossings of a round are used, those of the next round are already being computed.
 
     Yields:
-        The pair of each edge, in order; its lane; and the crossings, with NumPy arrays.
+        The pair of each edge, in order; its lane; the pairs with edges that are not found; and the
+        crossings, with NumPy arrays.
     """
 
     def search(pair: np.ndarray, *rest: np.ndarray) -> Crossing:
@@ -165,6 +240,9 @@ def _rounds(band: Band, pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray, 
         pair = np.concatenate([here[left], here[right]])
         following = search(pair, start, stop, *ends) if left_over and len(pair) else None
 
+        lost = here[~crossing.found[:n]]
+        if not left_over:
+            lost = np.concatenate([lost, pair])
         lane = np.flatnonzero(crossing.found[:n])
         lane = lane.take(np.argsort(here.take(lane), kind="stable"))
-        yield here.take(lane), lane, crossing
+        yield here.take(lane), lane, lost, crossing

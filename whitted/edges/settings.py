@@ -26,8 +26,8 @@ FAR_CELLS = 16
 
 # How often the rest of a segment is searched for more edges, with several samples a pixel and with
 # one. Glass mirrors all that is around it, so segments beside its outline often cross dozens of
-# edges. With one sample a pixel they are not worth their cost.
-ROUNDS, ROUNDS_OF_SINGLE_SAMPLES = 24, 2
+# edges. With one sample a pixel the last of them are not worth their cost.
+ROUNDS, ROUNDS_OF_SINGLE_SAMPLES = 24, 6
 # Steps to the root of a level function, at most. Nearly all take 3 to 6.
 ROOT_STEPS = 20
 # A root is found when a step is below this part of the segment. That is finer than GAP.
@@ -52,11 +52,16 @@ SLIGHT = 0.3
 # Where several edges lie between two samples, the line beside each is cut into this many pieces, at
 # most.
 PIECES = 4
-# With one sample a pixel, pixels where five labels meet are sampled 4 x 4 times, if they are at
-# least one in FEW of the pixels where edges meet. Fewer are sampled 2 x 2 times, with the others: a
-# group of its own costs a kernel call.
-FEW = 8
+# A pixel is cut off if it is outside of what its samples saw by this part of that range. Less is
+# rounding.
+LEAST_CUT = 1e-4
+# A sample's derivative counts in full if its radiance changes by less than so many times itself
+# over its cell; and how far aside that is looked at, in pixels.
+STEEP, STEP_ASIDE = 2, {"single": 2.0**-9, "double": 2.0**-20}
 
+# Pairs of samples and finer samples that are searched at once, about. More take more memory, and
+# keep Ctrl-C waiting.
+SEARCHED = 1 << 17
 # Lanes of one call of a kernel for samples, at most.
 SAMPLES = 1 << 20
 # The same for edges and derivatives, which keep much more for each lane.

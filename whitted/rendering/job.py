@@ -8,7 +8,7 @@ import numpy as np
 from drjit.llvm import ad
 
 from ..core.arrays import Array, Parameters
-from ..core.host import opaque_copy
+from ..core.host import opaque_copy, to_lanes
 from ..edges.found import Found
 from ..edges.search import correct
 from ..edges.settings import LEAST_WEIGHT
@@ -21,7 +21,7 @@ from ..tracing.node import Limits
 
 # Samples in a band: enough to keep all cores busy, and few enough to report progress, and to stop,
 # between two bands
-BAND = 1 << 22
+BAND = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,8 @@ class BoundaryJob(Job):
 
     terms: str = "both"
     keep: bool = False
-    found: dict[int, Found] = field(default_factory=dict)
+    # By the first row of a band
+    found: dict[int, list[Found]] = field(default_factory=dict)
 
     @property
     def limits(self) -> Limits:
@@ -121,20 +122,35 @@ class BoundaryJob(Job):
         return self._assemble(self._correct)
 
     def _correct(self, first: int, rows: int) -> Array:
+        height = self.resolution[1]
+
+        def report(fraction: float) -> None:
+            if self.progress is not None and first + fraction * rows < height:
+                self.progress((first + fraction * rows) / height)
+
         # Edges are found by derivatives of their own
         with dr.resume_grad():
-            pixels, found = correct(self.band(first, rows), self.keep)
-        if found is not None:
-            self.found[first] = found
+            pixels, self.found[first] = correct(self.band(first, rows), self.keep, report)
         return pixels
 
     def tangent(self, wrt: Parameters, tangents: Parameters) -> Array:
         tangents = {name: opaque_copy(value) for name, value in tangents.items()}
 
         def tangent(first: int, _: int) -> Array:
-            return self.found[first].correction.tangent(dict(wrt), dict(tangents), self.terms)
+            parts = [
+                found.correction.tangent(dict(wrt), dict(tangents), self.terms)
+                for found in self.found[first]
+            ]
+            return parts[0] if len(parts) == 1 else dr.concat(parts)
 
         return self._assemble(tangent)
 
     def _adjoint(self, first: int, rows: int, wrt: Parameters, part: Array) -> Parameters:
-        return self.found[first].correction.adjoint(wrt, part, self.terms)
+        parts, start = [], 0
+        for found in self.found[first]:
+            pixels = part
+            if len(self.found[first]) > 1:
+                stop = start + len(found.image)
+                pixels, start = to_lanes(part.numpy()[start:stop]), stop
+            parts.append(found.correction.adjoint(wrt, pixels, self.terms))
+        return {name: sum(gradients[name] for gradients in parts) for name in wrt}
