@@ -37,6 +37,7 @@ NAMES = {
         "starts=1, seed=0, bounds=None, mask=None, gain=False, boundary=True, max_depth=None, "
         "resolution=None, tolerance=1e-06, progress=True, callback=None)"
     ),
+    "from_mitsuba": "(source, precision='single', *, approximate=False)",
     "gradient": (
         "(scene, name, component=None, spp=1, *, error=None, boundary=None, terms='both', "
         "max_depth=None, resolution=None, progress=None)"
@@ -87,6 +88,7 @@ MEMBERS = {
         "structure": "property",
         "text": "field",
         "to_dict": "(self)",
+        "to_mitsuba": "(self, *, approximate=False)",
         "touched": "field",
         "used": "property",
     },

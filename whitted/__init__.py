@@ -22,6 +22,7 @@ __all__ = [
     "Sphere",
     "__version__",
     "fit",
+    "from_mitsuba",
     "gradient",
     "load_scene",
     "parse_scene",
@@ -59,6 +60,7 @@ else:
     from .rendering.gradient import gradient
     from .rendering.notebook import show_in_notebooks
     from .scene.files import load_scene, parse_scene
+    from .scene.interchange import from_mitsuba
     from .scene.scene import Scene
     from .scene.schema import SceneError
     from .scene.things import (

@@ -2,6 +2,7 @@
 
 import functools
 import inspect
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from ..core.arrays import Array, precision_named
 from ..core.host import in_own_memory
 from ..core.parameter import Numbers
 from ..files.atomic import write_text
+from ..mitsuba.writing import write
 from . import things
 from .assemble import added, assembled, removed, replaced, settings_in
 from .build import checked, fields_of
@@ -306,6 +308,27 @@ class Scene(Contents):
         except ValueError:
             return ""
         return text if dictionary_of(after) == dictionary_of(self) else ""
+
+    def to_mitsuba(self, *, approximate: bool = False) -> dict[str, Any]:
+        """The scene for Mitsuba 3, as a dictionary that `mitsuba.load_dict` takes.
+
+        Mitsuba is not needed for it. `whitted.mitsuba` has the table of what is what. Materials
+        that no shape has are left out.
+
+        Args:
+            approximate: whether to write what has no exact counterpart there, with a warning for
+                each.
+
+        Raises:
+            SceneError: something has no counterpart in Mitsuba; the message has a line for each
+                problem, with its path.
+        """
+        written, report = write(dictionary_of(self, whole=True), approximate)
+        if report.problems:
+            raise SceneError("\n".join(report.problems))
+        for warning in report.warnings:
+            warnings.warn(warning, stacklevel=2)
+        return written
 
     def __repr__(self) -> str:
         return summary(self)
