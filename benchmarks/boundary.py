@@ -194,10 +194,10 @@ def crossings(call: Callable) -> int:
 
     found = []
 
-    def counted(band, keep):
-        pixels, edges = correct(band, keep)
-        found.append(sum(len(chunk.crossings) for chunk in edges.crossed))
-        return pixels, edges
+    def counted(*given):
+        pixels, parts = correct(*given)
+        found.append(sum(len(chunk.crossings) for edges in parts for chunk in edges.crossed))
+        return pixels, parts
 
     correct = job.correct
     with patch.object(job, "correct", counted):

@@ -107,9 +107,9 @@ def _inside(fine: Samples, weight: np.ndarray) -> Extra:
     """The finer samples inside of pixels, as far as edges leave them."""
     inside = np.flatnonzero((fine.pixel >= 0) & (weight != 0))
     order, not_beside = walk_order(fine.labels.ravel()), np.zeros(len(weight), bool)
-    width = np.full(len(weight), 1 / fine.side)
+    size = np.full(len(weight), 1 / fine.side)
     columns = fine.x, fine.y, fine.pixel, weight / fine.side**2
-    return rows_of(Extra(*columns, not_beside, order, width), inside)
+    return rows_of(Extra(*columns, not_beside, order, size, size), inside)
 
 
 def _moving(crossed: Crossed) -> MovingPoints:

@@ -40,30 +40,43 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
     flat, labels = kernels.labelled_image(*inputs)
     image, side, width = flat.numpy(), band.side, band.resolution[0]
     grid = labels.numpy().reshape((band.rows + 2) * side, -1)
+    samples = band_samples(grid, side, band.first_row)
+    neighbours = neighbours_across_edges(samples)
+    parts = list(_parts(band, neighbours[-1]))
     found = []
-    for first, rows in _parts(band, grid):
-        part = replace(band, first_row=band.first_row + first, rows=rows)
-        pixels = image[first * width * 3 : (first + rows) * width * 3]
-        search = _Search(part, keep, pixels, grid[first * side : (first + rows + 2) * side])
-        search.run()
+    for first, rows in parts:
+        part = band
+        if len(parts) > 1:
+            part = replace(band, first_row=band.first_row + first, rows=rows)
+            own = grid[first * side : (first + rows + 2) * side]
+            samples = band_samples(own, side, part.first_row)
+            neighbours = neighbours_across_edges(samples)
+        search = _Search(part, keep, image[first * width * 3 : (first + rows) * width * 3], samples)
+        search.run(*neighbours)
         if keep:
             found.append(search.found())
         report((first + rows) / band.rows)
     return flat, found
 
 
-def _parts(band: Band, labels: np.ndarray) -> Iterator[tuple[int, int]]:
+def _parts(band: Band, ends: np.ndarray) -> Iterator[tuple[int, int]]:
     """First row and rows of the parts of a band that are searched one after the other.
 
     What a row costs is told by its pairs of neighbours, and by the samples of its pixels that may
     be sampled anew.
+
+    Args:
+        ends: (2, N), the pixels of neighbours with different labels.
     """
-    samples = band_samples(labels, band.side, 0)
-    _, _, ends = neighbours_across_edges(samples)
+    finer = finer_side(band.side) ** 2
+    # At most: all pairs are in pixels that are sampled anew
+    if ends.size * finer <= settings.SEARCHED:
+        yield 0, band.rows
+        return
     width = band.resolution[0]
     rows = np.maximum(*ends) // width, crowded(ends, band.side) // width
     cost = np.bincount(rows[0], minlength=band.rows)
-    cost += finer_side(band.side) ** 2 * np.bincount(rows[1], minlength=band.rows)
+    cost += finer * np.bincount(rows[1], minlength=band.rows)
     number = (np.cumsum(cost) - cost) // settings.SEARCHED
     starts = np.flatnonzero(np.diff(number, prepend=-1))
     for first, stop in zip(starts, np.append(starts[1:], band.rows), strict=True):
@@ -76,9 +89,8 @@ class _Search:
     All samples, regular and finer, are numbered in the order in which they are traced.
     """
 
-    def __init__(self, band: Band, keep: bool, image: np.ndarray, labels: np.ndarray) -> None:
-        self.band, self.keep, self.image = band, keep, image
-        self.samples = band_samples(labels, band.side, band.first_row)
+    def __init__(self, band: Band, keep: bool, image: np.ndarray, samples: Samples) -> None:
+        self.band, self.keep, self.image, self.samples = band, keep, image, samples
         self.refined = np.zeros(0, np.int64)  # the pixels that are sampled anew, in order
         self.fine: Samples | None = None  # their samples
         self.fine_range = np.zeros((2, 3, 0), image.dtype)  # and the range of their radiance
@@ -88,10 +100,13 @@ class _Search:
         self.lost: list[np.ndarray] = [np.zeros(0, np.int64)]
         self.cut: np.ndarray | None = None  # of `cut_off`
 
-    def run(self) -> None:
-        """Correct the image."""
+    def run(self, a: np.ndarray, b: np.ndarray, ends: np.ndarray) -> None:
+        """Correct the image.
+
+        Args:
+            a, b, ends: the neighbours with different labels, and (2, N) their pixels.
+        """
         band, samples = self.band, self.samples
-        a, b, ends = neighbours_across_edges(samples)
         self.refined = pixels_to_refine(samples, ends)
         place = self.refined, finer_side(band.side), band.resolution[0], band.first_row
         traced = self.trace(*fine_samples(*place)) if self.refined.size else None
