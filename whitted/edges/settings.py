@@ -57,7 +57,9 @@ PIECES = 4
 LEAST_CUT = 1e-4
 # A sample's derivative counts in full if its radiance changes by less than so many times itself
 # over its cell; and how far aside that is looked at, in pixels.
-STEEP, STEP_ASIDE = 2, {"single": 2.0**-9, "double": 2.0**-20}
+STEEP, STEP_ASIDE = 2, 2.0**-9
+# A sample is in a sliver if an edge is that close, and its cell is more than so many times as wide.
+SLIVER = 16
 
 # Pairs of samples and finer samples that are searched at once, about. More take more memory, and
 # keep Ctrl-C waiting.

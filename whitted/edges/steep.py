@@ -4,7 +4,8 @@ The derivative of a sample is that of its whole cell only if radiance is nearly 
 mirrors of mirrors, highlights and mirrored balls are narrower than a cell. A sample on such a
 streak has a huge derivative, of which next to nothing is left in the mean over the cell: radiance
 cannot change by more than there is. So a sample counts for less, the more its radiance would change
-over its cell.
+over its cell. With one sample a pixel, a sample in a sliver between two edges does not count at
+all.
 """
 
 from dataclasses import replace
@@ -15,7 +16,7 @@ from ..core.host import chunks, stacked, to_numpy
 from ..sampling.band import Band
 from . import kernels
 from .quadrature import Extra
-from .settings import SAMPLES, STEEP, STEP_ASIDE
+from .settings import SAMPLES, SLIVER, STEEP, STEP_ASIDE
 from .tables import rows_of
 
 
@@ -25,19 +26,22 @@ def attenuated(band: Band, extra: Extra, brightness: np.ndarray) -> Extra:
     Args:
         brightness: of each pixel of the band.
     """
-    step = STEP_ASIDE[band.structure.precision.name]
     factors = [np.ones(0)]
     for part in chunks(len(extra.x), SAMPLES // 4):
         some = rows_of(extra, np.arange(part.start, part.stop))
-        x = some.x + np.array([-step, step, 0, 0])[:, None]
-        y = some.y + np.array([0, 0, -step, step])[:, None]
+        x = some.x + np.array([-STEP_ASIDE, STEP_ASIDE, 0, 0])[:, None]
+        y = some.y + np.array([0, 0, -STEP_ASIDE, STEP_ASIDE])[:, None]
         color, label = _traced(band, x, y)
         # An edge in between has a term of its own
-        smooth = label[::2] == label[1::2]
+        smooth, size = label[::2] == label[1::2], np.stack([some.width, some.height])
         change = np.where(smooth, np.abs(color[:, ::2] - color[:, 1::2]).max(0), 0)
-        change *= np.stack([some.width, some.height]) / (2 * step)
+        change *= size / (2 * STEP_ASIDE)
         most = np.maximum(brightness.take(some.pixel), color.max((0, 1)))
-        factors.append(np.minimum(1, STEEP * most / np.maximum(np.hypot(*change), 1e-30)))
+        factor = np.minimum(1, STEEP * most / np.maximum(np.hypot(*change), 1e-30))
+        if band.side == 1:
+            # So close an edge in so large a cell: the sample is in a sliver
+            factor[(~smooth & (size > SLIVER * STEP_ASIDE)).any(0)] = 0
+        factors.append(factor)
     return replace(extra, weight=extra.weight * np.concatenate(factors))
 
 
