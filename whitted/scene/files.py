@@ -49,11 +49,16 @@ def parse_scene(text: str, precision: str = "single") -> Scene:
     return Scene._read(tables_in(text), precision, text=text)
 
 
+def shipped_scenes() -> dict[str, Path]:
+    """The files of the scenes that come with the package, by their names."""
+    return {each.stem: each for folder in SHIPPED for each in sorted(folder.glob("*.toml"))}
+
+
 def _found(path: Path) -> Path:
     """The file of a shipped scene, where a bare name is given; else the path itself."""
     if path.suffix or path.name != str(path) or path.is_file():
         return path
-    shipped = {each.stem: each for folder in SHIPPED for each in sorted(folder.glob("*.toml"))}
+    shipped = shipped_scenes()
     if path.name in shipped:
         return shipped[path.name]
     near = difflib.get_close_matches(path.name, shipped, n=3, cutoff=0.5) or list(shipped)

@@ -1,0 +1,5 @@
+"""`python -m whitted` is the command `whitted`."""
+
+from .cli import main
+
+main()

@@ -1,0 +1,158 @@
+"""`whitted fit`."""
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from ..core.interrupts import forget, holding, insist
+from .options import Depth, Folder, PrecisionName, SceneFile, Size, Spp, size_of
+
+EXAMPLES = (
+    "Examples:  whitted fit start.toml target.exr --wrt materials.glass.ior --starts 4 -o out   |"
+    "   whitted fit start.toml target.exr --wrt spheres.ball.radius --wrt lights.key.position "
+    "--bound spheres.ball.radius=0.1:1 -o out"
+)
+
+Target = Annotated[Path, typer.Argument(help="The picture to match, .exr (linear) or .png (sRGB).")]
+Names = Annotated[
+    list[str], typer.Option(metavar="NAME", help="A parameter to recover; may be repeated.")
+]
+Layer = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="The target's layer or part, of an EXR with several."),
+]
+Bounds = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=LOW:HIGH", help="Its range; either end may be left out."),
+]
+Mask = Annotated[
+    Path | None, typer.Option(help="A picture that is black where the target does not count.")
+]
+Gain = Annotated[bool, typer.Option("--gain", help="Also fit the brightness of each channel.")]
+Method = Annotated[
+    Literal["auto", "lm", "adam"],
+    typer.Option(help="Levenberg-Marquardt, Adam, or by the number of parameters."),
+]
+Starts = Annotated[int, typer.Option(help="Starts to try: the scene's, and random ones around it.")]
+Seed = Annotated[
+    int | None, typer.Option(help="Seed of the random starts of --starts [default: 0].")
+]
+Iterations = Annotated[int | None, typer.Option(help="At each resolution, at most.")]
+PlainDerivatives = Annotated[
+    bool, typer.Option("--no-boundary", help="Derivatives of plain samples: wrong at edges.")
+]
+
+
+@holding
+def fit(
+    scene: SceneFile,
+    target: Target,
+    wrt: Names,
+    output: Folder,
+    layer: Layer = None,
+    bound: Bounds = None,
+    mask: Mask = None,
+    gain: Gain = False,
+    method: Method = "auto",
+    starts: Starts = 1,
+    seed: Seed = None,
+    iterations: Iterations = None,
+    spp: Spp = 4,
+    depth: Depth = None,
+    size: Size = None,
+    precision: PrecisionName = "single",
+    no_boundary: PlainDerivatives = False,
+) -> int:
+    """Recover parameters of a scene from a picture of it.
+
+    Writes the recovered scene, pictures and plots. After Ctrl-C it writes those of the best so far,
+    and the exit status is 130; a second Ctrl-C ends it.
+    """
+    from .. import fit as recover
+    from .. import load_scene, read_image
+    from ..files.figures import figure_of
+    from ..files.writable import check_folder
+    from ..inverse.fit import INTERRUPTED
+    from ..inverse.report import NAMES, write_recovery
+
+    if seed is not None and starts == 1:
+        raise ValueError("--seed: there is no random start; give --starts, or leave --seed out")
+    start, picture = load_scene(scene, precision), read_image(target, layer)
+    weights = None if mask is None else read_image(mask).numpy().mean(2)
+    bounds, resolution = _bounds(bound or []), size_of(size)
+    check_folder(output, NAMES)
+    # Find out that a library is missing before the fit, not after it
+    figure_of(1)
+    options: dict[str, Any] = {"spp": spp, "boundary": not no_boundary, "max_depth": depth}
+    with _warnings_printed() as warned:
+        result = recover(
+            start,
+            picture,
+            wrt=wrt,
+            bounds=bounds,
+            mask=weights,
+            gain=gain,
+            method=method,
+            starts=starts,
+            seed=seed or 0,
+            iterations=iterations,
+            resolution=resolution,
+            **options,
+        )
+    if len(warned) >= len(result.labels):
+        raise ValueError(
+            f"{target}: the picture depends on none of the parameters to recover; "
+            "nothing was written"
+        )
+    write = partial(write_recovery, output, start, picture, result, options)
+    files, interrupted = insist(write, result.stopped == INTERRUPTED)
+    _print_fit(result)
+    typer.echo(f"wrote {', '.join(path.name for path in files)} to {output}")
+    return 130 if interrupted or forget() else 0
+
+
+def _bounds(texts: list[str]) -> dict[str, tuple[float | None, float | None]]:
+    """What each --bound says, by the parameter."""
+    bounds: dict[str, tuple[float | None, float | None]] = {}
+    for name, ends in map(_bound, texts):
+        if name in bounds:
+            raise ValueError(f"--bound: given twice for {name}; give both ends in one, LOW:HIGH")
+        bounds[name] = ends
+    return bounds
+
+
+def _bound(text: str) -> tuple[str, tuple[float | None, float | None]]:
+    """The parameter, the lower and the upper end of --bound, None for an open end."""
+    name, equals, ends = text.partition("=")
+    low, colon, high = ends.partition(":")
+    try:
+        if not (equals and colon):
+            raise ValueError
+        return name, (float(low) if low else None, float(high) if high else None)
+    except ValueError:
+        raise ValueError(
+            f"--bound: expected NAME=LOW:HIGH, as in materials.glass.ior=1.2:1.8, got '{text}'"
+        ) from None
+
+
+@contextmanager
+def _warnings_printed() -> Iterator[list[warnings.WarningMessage]]:
+    """Print the warnings of a block when it ends; yields the list that they are kept in."""
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        yield warned
+    for warning in warned:
+        typer.echo(f"warning: {warning.message}", err=True)
+
+
+def _print_fit(result: Any) -> None:
+    for label, value, deviation in result.numbers():
+        typer.echo(f"{label:32} {value:.7g} +- {deviation:.2g}")
+    for note in result.notes:
+        typer.echo(f"note: {note}")
+    typer.echo(f"{result.stopped}, after {len(result.history)} iterations; loss {result.loss:.4g}")
