@@ -25,14 +25,14 @@ OPTIONS = ["--spp", "16", "--size", "288x288"]
 
 def picture(folder: Path, name: str, component: str | None) -> Image.Image:
     """What `whitted gradient` draws for a parameter."""
-    output = folder / f"{name}.exr"
+    output = folder / f"{name}.png"
     arguments = ["gradient", str(ROOT / "scenes/cornell.toml"), "--wrt", name, *OPTIONS]
     if component:
         arguments += ["--component", component]
     status = run([*arguments, "-o", str(output)])
     if status:
         sys.exit(status)
-    return Image.open(output.with_suffix(".png")).copy()
+    return Image.open(output).copy()
 
 
 def main() -> None:

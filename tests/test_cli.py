@@ -2,7 +2,6 @@
 
 import hashlib
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -17,6 +16,7 @@ from PIL import Image
 import whitted as wt
 from whitted import cli
 from whitted.cli import run
+from whitted.files.png import to_srgb
 
 SCENES = Path(__file__).parent.parent / "scenes"
 SCENE = SCENES / "cornell.toml"
@@ -35,15 +35,29 @@ def test_shipped_scene_is_rendered_by_its_name(tmp_path):
     np.testing.assert_array_equal(a, b)
 
 
-def test_render_writes_exr_and_png(tmp_path, capsys):
-    out = tmp_path / "a.exr"
-    assert call("render --spp 4 --depth 3 --size 24x16", SCENE, "-o", out) == 0
-    expected = wt.render(wt.load_scene(SCENE), 4, max_depth=3, resolution=(24, 16))
-    np.testing.assert_array_equal(wt.read_image(out).numpy(), expected.numpy())
-    assert wt.read_image(tmp_path / "a.png").shape == (16, 24, 3)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "a.png"]
+# What -o may name
+KINDS = pytest.mark.parametrize("names", [("a.exr",), ("a.png",), ("b.png", "a.EXR")])
+
+
+def outputs(folder, names):
+    """The words of -o, once for each name."""
+    return [word for name in names for word in ("-o", folder / name)]
+
+
+@KINDS
+def test_render_writes_what_is_named(tmp_path, capsys, names):
+    command = "render --spp 4 --depth 3 --size 24x16"
+    assert call(command, SCENE, *outputs(tmp_path, names)) == 0
+    expected = wt.render(wt.load_scene(SCENE), 4, max_depth=3, resolution=(24, 16)).numpy()
+    assert {path.name for path in tmp_path.iterdir()} == set(names)
     text = capsys.readouterr().out
-    assert "of its pixels clipped to [0, 1]" in text
+    for name in names:
+        assert str(tmp_path / name) in text
+        # Of a PNG half a step of its 8 bits
+        written, steps = wt.read_image(tmp_path / name).numpy(), name.endswith(".png")
+        shown = to_srgb(written), to_srgb(expected)
+        np.testing.assert_allclose(*shown, rtol=0, atol=0.51 / 255 if steps else 0)
+        assert ("of its pixels clipped to [0, 1]" in text) == any(n.endswith(".png") for n in names)
     for part in (
         "24 x 16, spp 4, depth 3, single precision",
         "3 spheres, 5 planes",
@@ -118,10 +132,10 @@ def check_refusal(tmp_path, capsys, message):
 @pytest.mark.parametrize(
     ("output", "message"),
     [
-        ("a.jpg", "expected a file name that ends in .exr"),
+        ("a.jpg", "expected a file name that ends in .exr or .png"),
         ("none/a.exr", "make it first"),
         ("folder.exr", "is a folder; name a file"),
-        ("preview.exr", "preview.png: is a folder; name a file"),
+        ("preview.png", "preview.png: is a folder; name a file"),
         ("file/a.exr", "file' is a file; name a folder"),
         ("caf\udce9.exr", "OpenEXR takes only names in UTF-8"),
     ],
@@ -146,10 +160,10 @@ def test_bad_outputs(tmp_path, capsys, monkeypatch, output, message):
     ],
 )
 def test_gradient_writes_exr_and_png(tmp_path, capsys, name, component, terms):
-    out, size = tmp_path / "a.exr", (24, 16)
+    out, colors, size = tmp_path / "a.exr", tmp_path / "colors.png", (24, 16)
     words = f"gradient --wrt {name} --spp 4 --depth 3 --size 24x16 --precision double"
     words += f" --terms {terms}" + (f" --component {component}" if component else "")
-    assert call(words, SCENE, "-o", out) == 0
+    assert call(words, SCENE, "-o", out, "-o", colors) == 0
     scene = wt.load_scene(SCENE, "double")
     expected = wt.gradient(
         scene, name, component, 4, terms=terms, max_depth=3, resolution=size
@@ -158,8 +172,7 @@ def test_gradient_writes_exr_and_png(tmp_path, capsys, name, component, terms):
     scale = abs(expected).max()
     assert scale > 0.01
     np.testing.assert_allclose(written, expected, atol=1e-6 * scale)
-    check_colors(tmp_path / "a.png", written)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "a.png"]
+    check_colors(colors, written)
     text = capsys.readouterr().out
     printed = np.percentile(abs(written.mean(axis=-1)), 99.5)
     for part in (
@@ -223,13 +236,45 @@ def test_bad_gradients(tmp_path, capsys, arguments, message):
     check_refusal(tmp_path, capsys, message)
 
 
+@KINDS
+def test_gradient_writes_what_is_named(tmp_path, capsys, names):
+    command = "gradient --size 24x16 --depth 3 --wrt camera.fov"
+    assert call(command, SCENE, *outputs(tmp_path, names)) == 0
+    assert {path.name for path in tmp_path.iterdir()} == set(names)
+    text = capsys.readouterr().out
+    assert all(str(tmp_path / name) in text for name in names)
+    assert ("scale: " in text) == any(name.endswith(".png") for name in names)
+
+
+@pytest.mark.parametrize(
+    ("names", "suffix"), [(["a.exr", "a.exr"], ".exr"), (["a.PNG", "a.exr", "b.png"], ".png")]
+)
+def test_two_outputs_of_a_kind(tmp_path, capsys, monkeypatch, names, suffix):
+    monkeypatch.setattr(wt, "load_scene", None)
+    alike = " and ".join(str(tmp_path / name) for name in names if name.lower().endswith(suffix))
+    for command in ("render", "gradient --wrt camera.fov"):
+        assert call(command, SCENE, *outputs(tmp_path, names)) == 2
+        message = f"-o: {alike} end in {suffix}; name at most one .exr and one .png"
+        check_refusal(tmp_path, capsys, message)
+
+
+@pytest.mark.parametrize(
+    ("options", "name"),
+    [("--spp 1 --spp 4", "--spp"), ("--size 4x4 --depth 1 --size 4x4", "--size")],
+)
+def test_options_given_twice(tmp_path, capsys, options, name):
+    for command in ("render", "gradient --wrt camera.fov"):
+        assert call(f"{command} {options}", SCENE, "-o", tmp_path / "a.exr") == 2
+        check_refusal(tmp_path, capsys, f"{name}: given more than once; give it once")
+
+
 @pytest.mark.parametrize("name", ["a.exr", "a.png"])
 def test_protected_files_stay(tmp_path, capsys, monkeypatch, name):
     monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK or path.name != name)
     monkeypatch.setattr(wt, "load_scene", None)
     (tmp_path / name).write_text("old")
     for command in ("render", "gradient --wrt camera.fov"):
-        assert call(command, SCENE, "-o", tmp_path / "a.exr") == 2
+        assert call(command, SCENE, *outputs(tmp_path, ["a.exr", "a.png"])) == 2
         assert f"{name}: is protected from being written" in capsys.readouterr().err
     assert (tmp_path / name).read_text() == "old"
 
@@ -258,7 +303,7 @@ def test_info_and_help(capsys):
     text = capsys.readouterr().out
     for part in ("Dr.Jit:", "libLLVM:", "vector width:", "threads:", "kernel cache:"):
         assert part in text
-    for command in ("render", "gradient", "fit", "chart", "stress", "info"):
+    for command in ("render", "gradient", "params", "fit", "chart", "stress", "info"):
         assert call(f"{command} --help") == 0
         assert "Example" in capsys.readouterr().out
     assert call("rendr") == 2
@@ -391,113 +436,3 @@ def test_names_that_are_no_text(tmp_path):
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert r"caf\udce9.toml: 4 x 4, spp 1" in done.stdout
-
-
-RADIUS = "spheres.sphere0.radius"
-FIT = f"fit --wrt {RADIUS} --spp 1 --iterations 4"
-BALL = """
-# a ball
-background = [0.1, 0.2, 0.3]
-ambient = [1, 1, 1]
-max_depth = 1
-[camera]
-position = [0, 0, 4]
-look_at = [0, 0, 0]
-fov = 50
-resolution = [24, 24]
-[materials.red]
-color = [0.8, 0.3, 0.1]
-[[spheres]]
-center = [0, 0, 0]
-radius = 0.9   # a guess
-material = "red"
-"""
-
-
-@pytest.fixture
-def picture(tmp_path):
-    """A scene file of a ball, and a picture of it with a slightly larger radius of 1."""
-    path, target = tmp_path / "start.toml", tmp_path / "target.exr"
-    path.write_text(BALL)
-    wt.write_image(target, wt.render(wt.load_scene(path).replace({RADIUS: 1.0}), 16))
-    return path, target
-
-
-def test_fit_writes_what_it_found(picture, tmp_path, capsys):
-    out = tmp_path / "out"
-    assert call(FIT, *picture, "-o", out) == 0
-    text = capsys.readouterr().out
-    assert re.search(r"spheres\.sphere0\.radius +(1\.00|0\.99)\d* \+- ", text)
-    names = {
-        "scene.toml",
-        "target.png",
-        "start.png",
-        "result.png",
-        "difference.png",
-        "convergence.png",
-        "animation.gif",
-    }
-    assert {path.name for path in out.iterdir()} == names
-    assert all(name in text for name in names)
-    assert "# a guess" in (out / "scene.toml").read_text()
-    radius = wt.load_scene(out / "scene.toml").parameters()[RADIUS].numpy()[0]
-    assert radius == pytest.approx(1, abs=0.01)
-    with Image.open(out / "animation.gif") as animation:
-        assert animation.n_frames >= 2
-        assert animation.size == (48, 24)
-
-
-def test_fit_with_all_options(picture, tmp_path, capsys):
-    mask = tmp_path / "mask.png"
-    wt.write_image(mask, np.ones((24, 24, 3)))
-    words = f"{FIT} --bound {RADIUS}=0.5:0.95 --gain --method adam --starts 2 --seed 1 --depth 1"
-    words += " --size 24x24 --precision double"
-    assert call(words, *picture, "--mask", mask, "-o", tmp_path / "out") == 0
-    assert "iterations; loss" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (f"--wrt {RADIUS} --size 8x8", "target: expected an image of 8 x 8 pixels"),
-        (f"--wrt {RADIUS} --size big", "--size: expected WIDTHxHEIGHT"),
-        ("--wrt spheres.ball.radius", "no parameter 'spheres.ball.radius'"),
-        (f"--wrt {RADIUS} --bound {RADIUS}", "--bound: expected NAME=LOW:HIGH"),
-        (
-            f"--wrt {RADIUS} --bound {RADIUS}=0.5: --bound {RADIUS}=:2",
-            f"--bound: given twice for {RADIUS}; give both ends in one, LOW:HIGH",
-        ),
-        (f"--wrt {RADIUS} --bound {RADIUS}=1:2", "starts at 0.9, outside [1, 2]"),
-        (f"--wrt {RADIUS} --method newton", "'--method'"),
-        ("--wrt materials.red.ior --iterations 1", "depends on none of the parameters"),
-    ],
-)
-def test_fit_refuses_bad_input(picture, tmp_path, capsys, options, message):
-    assert call(f"fit {options}", *picture, "-o", tmp_path / "out") == 2
-    assert message in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
-def test_fit_refuses_folders_that_it_cannot_write(picture, capsys):
-    for out, message in (
-        ("/no/such/folder", "there is no folder"),
-        (picture[0], "is a file; name a folder"),
-    ):
-        assert call(FIT, *picture, "-o", out) == 2
-        assert message in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("name", ["scene.toml", "target.png", "animation.gif"])
-def test_fit_finds_files_that_it_cannot_write_before_it_starts(
-    picture, tmp_path, capsys, monkeypatch, name
-):
-    monkeypatch.setattr(wt, "fit", None)
-    (tmp_path / "out" / name).mkdir(parents=True)
-    assert call(FIT, *picture, "-o", tmp_path / "out") == 2
-    assert f"{name}: is a folder; name a file" in capsys.readouterr().err
-
-
-def test_fit_needs_its_extra(picture, tmp_path, capsys, monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    assert call(FIT, *picture, "-o", tmp_path / "out") == 2
-    assert "pip install 'whitted[fit]'" in capsys.readouterr().err

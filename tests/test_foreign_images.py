@@ -133,7 +133,8 @@ def test_several_layers(exr, pixels):
     layers = {**named(pixels, "light."), **named(2 * pixels, "fog.")}
     path = exr(layers)
     with pytest.raises(
-        ValueError, match=r"a\.exr: there are several layers; name one by layer=: fog, light$"
+        ValueError,
+        match=r"a\.exr: there are several layers; name one by layer= or --layer: fog, light$",
     ):
         read_image(path)
     same(read_image(path, "light"), pixels)

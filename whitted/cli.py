@@ -12,7 +12,6 @@ from .commands import chart, fit, gradient, info, params, render, stress
 from .commands.once import OnceCommand
 
 app = typer.Typer(
-    help="A differentiable Whitted ray tracer.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     no_args_is_help=True,

@@ -76,6 +76,7 @@ def fit(
     from .. import fit as recover
     from .. import load_scene, read_image
     from ..files.figures import figure_of
+    from ..files.progress import progress_bar
     from ..files.writable import check_folder
     from ..inverse.fit import INTERRUPTED
     from ..inverse.report import NAMES, write_recovery
@@ -110,7 +111,8 @@ def fit(
             "nothing was written"
         )
     write = partial(write_recovery, output, start, picture, result, options)
-    files, interrupted = insist(write, result.stopped == INTERRUPTED)
+    with progress_bar("drawing"):
+        files, interrupted = insist(write, result.stopped == INTERRUPTED)
     _print_fit(result)
     typer.echo(f"wrote {', '.join(path.name for path in files)} to {output}")
     return 130 if interrupted or forget() else 0

@@ -34,7 +34,7 @@ def gradient(
     size: Size = None,
     precision: PrecisionName = "single",
 ) -> None:
-    """Write d image / d NAME as an EXR, as a PNG in colours, or as both.
+    """Write d image / d NAME to an EXR, a PNG, or both.
 
     In the PNG, blue is below 0, white is 0, and red is above 0.
     """

@@ -33,17 +33,15 @@ def files_of(outputs: Sequence[Path]) -> Files:
 
     for path in outputs:
         check_image(path)
-    kinds = {suffix: [p for p in outputs if p.suffix.lower() == suffix] for suffix in KINDS}
+    kinds = {
+        suffix: [path for path in outputs if path.suffix.lower() == suffix]
+        for suffix in (".exr", ".png")
+    }
     for suffix, paths in kinds.items():
         if len(paths) > 1:
             names = " and ".join(map(str, paths))
-            raise ValueError(
-                f"-o: {names} both end in {suffix}; name one {' and one '.join(KINDS)}"
-            )
+            raise ValueError(f"-o: {names} end in {suffix}; name at most one .exr and one .png")
     return Files(*(paths[0] if paths else None for paths in kinds.values()))
-
-
-KINDS = ".exr", ".png"
 
 
 def compute(

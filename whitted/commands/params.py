@@ -16,7 +16,7 @@ def params(
         typer.Argument(help="Names to list; * stands for any part of one [default: all]."),
     ] = None,
 ) -> None:
-    """List a scene's parameters, by which images are differentiable, and their values."""
+    """List a scene's parameters and their values."""
     from .. import load_scene
 
     names = () if pattern is None else (pattern,)

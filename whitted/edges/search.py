@@ -44,7 +44,7 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
     neighbours = neighbours_across_edges(samples)
     parts = list(_parts(band, neighbours[-1]))
     found = []
-    for first, rows in parts:
+    for done, (first, rows) in enumerate(parts, 1):
         part = band
         if len(parts) > 1:
             part = replace(band, first_row=band.first_row + first, rows=rows)
@@ -55,7 +55,8 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
         search.run(*neighbours)
         if keep:
             found.append(search.found())
-        report((first + rows) / band.rows)
+        # Parts cost about the same, however many rows they have
+        report(done / len(parts))
     return flat, found
 
 

@@ -105,7 +105,9 @@ def _chosen(path: Path, pictures: Sequence[Picture], layer: str | None) -> Pictu
         raise ValueError(f"{path}: there is no layer '{layer}'; its layers are: {names}")
     first, *others = [one for one in within if one.part is within[0].part]
     if first.layer and others:
-        raise ValueError(f"{path}: there are several layers; name one by layer=: {names}")
+        raise ValueError(
+            f"{path}: there are several layers; name one by layer= or --layer: {names}"
+        )
     return first
 
 

@@ -1,41 +1,41 @@
 """A progress bar on standard error."""
 
-import time
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 # A callback for the fraction done, in (0, 1]
 Report = Callable[[float], None]
+# Seconds until a bar appears: what is over by then needs none
+DELAY = 0.5
 
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Report]:
     """A callback for the fraction done, which shows a bar on standard error.
 
-    The bar appears after a second, and only if standard error is a terminal.
+    The bar appears within a second, and only if standard error is a terminal. It pulses until the
+    first report, as while kernels are compiled.
     """
     from rich.console import Console
     from rich.progress import Progress
 
-    start, over = time.monotonic(), False
     console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=True) as bar:
-        task = bar.add_task(title, total=1.0)
-
-        def report(fraction: float) -> None:
-            # Derivatives of an image may come after it
-            if over:
-                return
-            late = time.monotonic() - start > 1
-            if bar.disable and console.is_terminal and late and fraction < 1:
-                bar.disable = False
-                bar.start()
-            bar.update(task, completed=fraction)
-
-        try:
-            yield report
-        finally:
-            over = True
+    bar = Progress(console=console, transient=True)
+    task = bar.add_task(title, total=None)
+    timer = threading.Timer(DELAY, bar.start)
+    timer.daemon = True
+    if console.is_terminal:
+        timer.start()
+    try:
+        # Derivatives of an image may come after it: a bar that has stopped draws nothing
+        yield lambda fraction: bar.update(task, total=1.0, completed=fraction)
+    finally:
+        timer.cancel()
+        if timer.ident is not None:
+            timer.join()
+        if bar.live.is_started:
+            bar.stop()
 
 
 @contextmanager

@@ -35,8 +35,8 @@ def render(
             sum.
         max_depth: nodes on the longest chain of rays, in place of the scene's.
         resolution: width and height in pixels, in place of the scene's.
-        progress: called with the fraction done, in (0, 1], after each band of rows. True shows a
-            bar on standard error after a second, if that is a terminal.
+        progress: called with the fraction done, in (0, 1], after each part of the work. True
+            shows a bar on standard error within a second, if that is a terminal.
 
     Returns:
         Linear RGB radiance, a `TensorXf` (`TensorXf64` in double precision) of shape (height,

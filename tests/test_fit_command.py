@@ -1,0 +1,151 @@
+"""`whitted fit`: what it writes, and what it refuses."""
+
+import re
+import sys
+
+import numpy as np
+import OpenEXR
+import pytest
+from PIL import Image
+
+import whitted as wt
+from whitted.cli import run
+
+
+def call(words, *arguments):
+    """Run a command line of these words, then these arguments; returns the exit status."""
+    return run([*words.split(), *map(str, arguments)])
+
+
+RADIUS = "spheres.sphere0.radius"
+FIT = f"fit --wrt {RADIUS} --spp 1 --iterations 4"
+BALL = """
+# a ball
+background = [0.1, 0.2, 0.3]
+ambient = [1, 1, 1]
+max_depth = 1
+[camera]
+position = [0, 0, 4]
+look_at = [0, 0, 0]
+fov = 50
+resolution = [24, 24]
+[materials.red]
+color = [0.8, 0.3, 0.1]
+[[spheres]]
+center = [0, 0, 0]
+radius = 0.9   # a guess
+material = "red"
+"""
+
+
+@pytest.fixture
+def picture(tmp_path):
+    """A scene file of a ball, and a picture of it with a slightly larger radius of 1."""
+    path, target = tmp_path / "start.toml", tmp_path / "target.exr"
+    path.write_text(BALL)
+    wt.write_image(target, wt.render(wt.load_scene(path).replace({RADIUS: 1.0}), 16))
+    return path, target
+
+
+def test_fit_writes_what_it_found(picture, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert call(FIT, *picture, "-o", out) == 0
+    text = capsys.readouterr().out
+    assert re.search(r"spheres\.sphere0\.radius +(1\.00|0\.99)\d* \+- ", text)
+    names = {
+        "scene.toml",
+        "target.png",
+        "start.png",
+        "result.png",
+        "difference.png",
+        "convergence.png",
+        "animation.gif",
+    }
+    assert {path.name for path in out.iterdir()} == names
+    assert all(name in text for name in names)
+    assert "# a guess" in (out / "scene.toml").read_text()
+    radius = wt.load_scene(out / "scene.toml").parameters()[RADIUS].numpy()[0]
+    assert radius == pytest.approx(1, abs=0.01)
+    with Image.open(out / "animation.gif") as animation:
+        assert animation.n_frames >= 2
+        assert animation.size == (48, 24)
+
+
+def test_fit_with_all_options(picture, tmp_path, capsys):
+    mask = tmp_path / "mask.png"
+    wt.write_image(mask, np.ones((24, 24, 3)))
+    words = f"{FIT} --bound {RADIUS}=0.5:0.95 --gain --method adam --starts 2 --seed 1 --depth 1"
+    words += " --size 24x24 --precision double"
+    assert call(words, *picture, "--mask", mask, "-o", tmp_path / "out") == 0
+    assert "iterations; loss" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (f"--wrt {RADIUS} --size 8x8", "target: expected an image of 8 x 8 pixels"),
+        (f"--wrt {RADIUS} --size big", "--size: expected WIDTHxHEIGHT"),
+        ("--wrt spheres.ball.radius", "no parameter 'spheres.ball.radius'"),
+        (f"--wrt {RADIUS} --bound {RADIUS}", "--bound: expected NAME=LOW:HIGH"),
+        (
+            f"--wrt {RADIUS} --bound {RADIUS}=0.5: --bound {RADIUS}=:2",
+            f"--bound: given twice for {RADIUS}; give both ends in one, LOW:HIGH",
+        ),
+        (f"--wrt {RADIUS} --bound {RADIUS}=1:2", "starts at 0.9, outside [1, 2]"),
+        (f"--wrt {RADIUS} --seed 1", "--seed: there is no random start; give --starts, or leave"),
+        (f"--wrt {RADIUS} --wrt {RADIUS}", f"wrt: '{RADIUS}' is named twice"),
+        (f"--wrt {RADIUS} --starts 2 --starts 3", "--starts: given more than once; give it once"),
+        (f"--wrt {RADIUS} --method newton", "'--method'"),
+        ("--wrt materials.red.ior --iterations 1", "depends on none of the parameters"),
+    ],
+)
+def test_fit_refuses_bad_input(picture, tmp_path, capsys, options, message):
+    assert call(f"fit {options}", *picture, "-o", tmp_path / "out") == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_fit_refuses_folders_that_it_cannot_write(picture, capsys):
+    for out, message in (
+        ("/no/such/folder", "there is no folder"),
+        (picture[0], "is a file; name a folder"),
+    ):
+        assert call(FIT, *picture, "-o", out) == 2
+        assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["scene.toml", "target.png", "animation.gif"])
+def test_fit_finds_files_that_it_cannot_write_before_it_starts(
+    picture, tmp_path, capsys, monkeypatch, name
+):
+    monkeypatch.setattr(wt, "fit", None)
+    (tmp_path / "out" / name).mkdir(parents=True)
+    assert call(FIT, *picture, "-o", tmp_path / "out") == 2
+    assert f"{name}: is a folder; name a file" in capsys.readouterr().err
+
+
+def test_fit_needs_its_extra(picture, tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    assert call(FIT, *picture, "-o", tmp_path / "out") == 2
+    assert "pip install 'whitted[fit]'" in capsys.readouterr().err
+
+
+def test_fit_to_a_layer(picture, tmp_path, capsys):
+    """Of an EXR with several layers the target is named by --layer; else they are listed."""
+    start, target = picture
+    pixels = wt.read_image(target).numpy()
+    layered = tmp_path / "layered.exr"
+    names = {
+        f"{layer}.{c}": pixels[..., k].copy()
+        for layer in ("fog", "ball")
+        for k, c in enumerate("RGB")
+    }
+    OpenEXR.File({}, names).write(str(layered))
+    assert call(FIT, start, layered, "-o", tmp_path / "out") == 2
+    assert capsys.readouterr().err == (
+        f"{layered}: there are several layers; name one by layer= or --layer: ball, fog\n"
+    )
+    assert call(f"{FIT} --layer mist", start, layered, "-o", tmp_path / "out") == 2
+    assert "there is no layer 'mist'; its layers are: ball, fog" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    assert call(f"{FIT} --layer ball", start, layered, "-o", tmp_path / "out") == 0
