@@ -1,8 +1,8 @@
 """The progress bar: who gets one, and when it is drawn."""
 
 import io
-import itertools
-from types import SimpleNamespace
+import threading
+import time
 
 import drjit as dr
 import pytest
@@ -25,26 +25,63 @@ def screen(monkeypatch):
 
 
 @pytest.fixture
-def clock(monkeypatch):
-    """A list whose only entry is the time that the bar sees."""
-    now = [0.0]
-    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: now[0]))
-    return now
+def at_once(monkeypatch):
+    """A bar need not wait."""
+    monkeypatch.setattr(progress, "DELAY", 0)
 
 
-def test_bar_appears_after_a_second(screen, clock):
+def wait_for(screen, text):
+    """Work on, without a report, until the screen shows a text; a bar is drawn ten times a second.
+
+    A machine that is busy gets a minute.
+    """
+    end = time.monotonic() + 60
+    while text not in screen.getvalue():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_bar_appears_within_a_second_without_a_report(screen):
+    """As while the first kernels are compiled."""
+    assert progress.DELAY < 1
+    with progress_bar("working"):
+        assert screen.getvalue() == ""
+        wait_for(screen, "working")
+        assert "100%" not in screen.getvalue()
+    # The line is cleared, and the cursor is there again
+    assert screen.getvalue().endswith("\x1b[?25h\r\x1b[1A\x1b[2K")
+
+
+def test_bar_shows_what_is_done(screen, at_once):
     with progress_bar("working") as report:
         report(0.25)
-        assert screen.getvalue() == ""
-        clock[0] = 1.5
+        wait_for(screen, "25%")
         report(0.5)
-        assert "working" in screen.getvalue()
+        wait_for(screen, "50%")
 
 
-def test_no_bar_without_a_terminal(capsys, clock):
+def test_what_is_quick_has_no_bar(screen):
     with progress_bar("working") as report:
-        clock[0] = 1.5
         report(0.5)
+    threads = [thread for thread in threading.enumerate() if isinstance(thread, threading.Timer)]
+    assert (screen.getvalue(), threads) == ("", [])
+
+
+def test_error_takes_the_bar_away(screen, at_once):
+    def interrupted():
+        with progress_bar("working"):
+            wait_for(screen, "working")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert screen.getvalue().endswith("\x1b[?25h\r\x1b[1A\x1b[2K")
+
+
+def test_no_bar_without_a_terminal(capsys, at_once):
+    with progress_bar("working") as report:
+        report(0.5)
+        time.sleep(0.1)
     assert capsys.readouterr() == ("", "")
 
 
@@ -63,11 +100,7 @@ def test_what_progress_may_be():
         pass
 
 
-def test_render_and_gradient_show_a_bar(load, screen, monkeypatch):
-    """An image of three bands, between which a second goes by."""
-    monkeypatch.setattr("whitted.rendering.job.BAND", 32)
-    seconds = SimpleNamespace(monotonic=itertools.count().__next__)
-    monkeypatch.setattr(progress, "time", seconds)
+def test_render_and_gradient_show_a_bar(load, screen, at_once):
     scene, options = load(SCENES["all"]), {"boundary": False, "resolution": (8, 12)}
     wt.render(scene, progress=True, **options)
     assert "rendering" in screen.getvalue()
@@ -77,12 +110,13 @@ def test_render_and_gradient_show_a_bar(load, screen, monkeypatch):
         wt.render(scene, progress="yes", **options)
 
 
-def test_derivatives_after_the_image_draw_nothing(load, screen, clock):
+def test_derivatives_after_the_image_draw_nothing(load, screen, at_once):
     """Whatever is computed once the call is over has no bar, and leaves none on the screen."""
     parameters = load(SCENES["all"]).parameters("camera.fov")
     dr.enable_grad(parameters)
     scene = load(SCENES["all"]).replace(parameters)
     image = wt.render(scene, boundary=False, resolution=(8, 12), progress=True)
-    clock[0] = 1.5
+    drawn = screen.getvalue()
     dr.backward(dr.sum(image, axis=None))
-    assert screen.getvalue() == ""
+    time.sleep(0.2)
+    assert screen.getvalue() == drawn
