@@ -26,3 +26,8 @@ def figure_of(rows: int, height: float = 3) -> tuple[Any, Any]:
     figure = Figure(figsize=(8, height * rows), layout="constrained")
     FigureCanvasAgg(figure)
     return figure, figure.subplots(rows, 1, sharex=True)
+
+
+def legend_below(figure: Any, columns: int = 2) -> None:
+    """A legend of all panels below them, where it covers nothing."""
+    figure.legend(loc="outside lower center", ncols=columns, fontsize=8)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..files.figures import figure_of
+from ..files.figures import figure_of, legend_below
 
 
 @dataclass(frozen=True)
@@ -58,13 +58,13 @@ def plot(history: Sequence[Iteration], labels: Sequence[str], path: str | None) 
     figure, (losses, numbers) = figure_of(2)
     steps = [step.iteration for step in history]
     losses.semilogy(steps, [step.loss for step in history], "k.-")
-    losses.set_ylabel("loss")
+    losses.set_ylabel("loss (radiance squared)")
     for k, label in enumerate(labels):
         values = np.array([step.x[k] for step in history])
         numbers.plot(steps, values - values[-1], ".-", label=f"{label} - {values[-1]:.5g}")
     numbers.set_yscale("symlog", linthresh=1e-4)
-    numbers.set_ylabel("less its last value")
-    numbers.legend(fontsize=8)
+    numbers.set_ylabel("parameter less its last value\n(its own unit)")
+    legend_below(figure)
     numbers.set_xlabel("iteration")
     # Where the resolution changes
     for before, after in itertools.pairwise(history):

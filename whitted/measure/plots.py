@@ -6,17 +6,20 @@ from pathlib import Path
 from typing import Any
 
 from ..files.atomic import atomically
-from ..files.figures import figure_of
+from ..files.figures import figure_of, legend_below
 from .analysis import fastest, front, slope
+from .point_labels import label_points
 from .store import Rows
 
 # Groups of times that grow, and their axis of x
 GROWTH = {
-    "pixels": "pixels",
-    "spheres": "spheres added",
-    "lights": "lights added",
-    "parameters": "parameters",
+    "pixels": "number of pixels",
+    "spheres": "number of spheres added",
+    "lights": "number of lights added",
+    "parameters": "number of parameters",
 }
+# What axes say of their numbers
+TIME, RATIO = "median time of a call (ms)", " (1 is 100 %)"
 # Logarithmic axes have no place for a compile time of 0, of a kernel that was in the cache
 LEAST = 1e-3
 FILES = tuple(
@@ -28,7 +31,7 @@ FILES = tuple(
 class Plot:
     """A file in the report's folder, and what it shows."""
 
-    file: str
+    file: Path
     caption: str
 
 
@@ -56,9 +59,9 @@ def _image(folder: Path, groups: Mapping[str, Rows]) -> Plot:
         f" For {100 * error:g} %, use {row['name']}: {row['ms']:.3g} ms."
         for error, row in fastest(rows)
     )
-    label = "relative RMS error of the image"
+    label = f"relative RMS error of the image{RATIO}"
     _draw_errors(folder / "image.png", groups["image"], label, front(rows))
-    return Plot("image.png", f"Error of the image against time.{advice}")
+    return Plot(folder / "image.png", f"Error of the image against time.{advice}")
 
 
 def image_settings(groups: Mapping[str, Rows]) -> Rows:
@@ -72,29 +75,31 @@ def _limits(folder: Path, groups: Mapping[str, Rows]) -> Plot:
         row | {"kind": "min_importance", "note": f"{row['least']:g}"}
         for row in groups["importance"]
     ]
-    _draw_errors(folder / "limits.png", shorter + fainter, "relative RMS error of the image")
+    label = f"relative RMS error of the image{RATIO}"
+    _draw_errors(folder / "limits.png", shorter + fainter, label)
     caption = "Error against time with a lower max_depth or a higher min_importance, at spp 4."
-    return Plot("limits.png", caption)
+    return Plot(folder / "limits.png", caption)
 
 
 def _gradient(folder: Path, rows: Rows, parameter: str) -> Plot:
-    label = f"relative RMS error of d image / d {parameter}"
+    label = f"relative RMS error{RATIO} of\nd image / d {parameter}"
     _draw_errors(folder / "gradient.png", rows, label, front(rows))
     plain, boundary = (
         min(row["error"] for row in rows if row["kind"] == kind)
         for kind in ("plain AD", "boundary")
     )
     return Plot(
-        "gradient.png",
+        folder / "gradient.png",
         f"Error of d image / d {parameter} against time. "
         f"The least error of plain AD is {plain / boundary:.3g} times that of AD with edges.",
     )
 
 
 def _modes(folder: Path, rows: Rows, parameter: str) -> Plot:
-    _draw_errors(folder / "modes.png", rows, f"relative error of a sum of d image / d {parameter}")
+    label = f"relative error{RATIO} of a sum of\nd image / d {parameter}"
+    _draw_errors(folder / "modes.png", rows, label)
     return Plot(
-        "modes.png",
+        folder / "modes.png",
         f"Error of one weighted sum of d image / d {parameter} against time, in forward mode, and "
         "in reverse mode by that parameter alone and by all parameters.",
     )
@@ -105,20 +110,28 @@ def _growth(folder: Path, name: str, rows: Rows) -> Plot:
     exponents = ", ".join(
         f"{kind} {slope([row for row in rows if row['kind'] == kind]):.2f}" for kind in kinds
     )
-    _draw_growth(folder / f"{name}.png", rows, GROWTH[name], "ms", "milliseconds")
-    return Plot(f"{name}.png", f"Time against {GROWTH[name]}. Exponent of growth: {exponents}.")
+    _draw_growth(folder / f"{name}.png", rows, GROWTH[name], "ms", TIME)
+    return Plot(
+        folder / f"{name}.png", f"Time against {GROWTH[name]}. Exponent of growth: {exponents}."
+    )
 
 
 def _compiling(folder: Path, groups: Mapping[str, Rows]) -> Plot:
     rows = [row | {"kind": name} for name in ("spheres", "lights") for row in groups[name]]
-    _draw_growth(folder / "compile.png", rows, "spheres or lights added", "compile_s", "seconds")
+    _draw_growth(
+        folder / "compile.png",
+        rows,
+        "number of spheres or lights added",
+        "compile_s",
+        "compile time (s)",
+    )
     caption = "Compile time of the kernel of plain samples, against the spheres or lights added."
-    return Plot("compile.png", caption)
+    return Plot(folder / "compile.png", caption)
 
 
 def _memory(folder: Path, rows: Rows) -> Plot:
-    _draw_growth(folder / "memory.png", rows, "pixels", "mib", "MiB")
-    return Plot("memory.png", "Peak memory of a process that renders one image.")
+    _draw_growth(folder / "memory.png", rows, "number of pixels", "mib", "peak memory (MiB)")
+    return Plot(folder / "memory.png", "Peak memory of a process that renders one image.")
 
 
 def _draw_errors(path: Path, rows: Rows, label: str, best: Rows | None = None) -> None:
@@ -129,23 +142,22 @@ def _draw_errors(path: Path, rows: Rows, label: str, best: Rows | None = None) -
         label: of the axis of errors.
         best: the Pareto front, drawn as a dotted line.
     """
-    figure, axes = figure_of(1, 6)
+    figure, axes = figure_of(1, 6.5)
     timed = sorted((row for row in rows if "ms" in row), key=lambda row: row["ms"])
     for kind in dict.fromkeys(row["kind"] for row in rows if "ms" in row):
         own = [row for row in timed if row["kind"] == kind]
         ms, errors, spreads = ([row[key] for row in own] for key in ("ms", "error", "spread"))
         axes.errorbar(ms, errors, xerr=spreads, fmt="o-", ms=4, label=kind)
-    offset: dict[str, Any] = {"xytext": (2, 3), "textcoords": "offset points"}
-    for row in timed:
-        note = row.get("note", row["name"].removeprefix(f"{row['kind']}, "))
-        axes.annotate(note, (row["ms"], row["error"]), fontsize=6, rotation=40, **offset)
     if best:
         ms, errors = ([row[key] for row in best] for key in ("ms", "error"))
         axes.plot(ms, errors, "k:", lw=1, label="Pareto front")
     for row in rows:
         if row["kind"] == "floor":
             axes.axhline(row["error"], color="0.6", lw=1, label=row["name"])
-    _finish(path, figure, axes, "milliseconds", label)
+    _finish(figure, axes, TIME, label)
+    notes = [row.get("note", row["name"].removeprefix(f"{row['kind']}, ")) for row in timed]
+    label_points(figure, axes, [(row["ms"], row["error"]) for row in timed], notes)
+    _save(path, figure)
 
 
 def _draw_growth(path: Path, rows: Rows, x_label: str, key: str, y_label: str) -> None:
@@ -155,11 +167,15 @@ def _draw_growth(path: Path, rows: Rows, x_label: str, key: str, y_label: str) -
         own = [row for row in rows if row["kind"] == kind]
         y = [max(row[key], LEAST) for row in own]
         axes.plot([row["x"] for row in own], y, "o-", ms=4, label=kind)
-    _finish(path, figure, axes, x_label, y_label)
+    _finish(figure, axes, x_label, y_label)
+    _save(path, figure)
 
 
-def _finish(path: Path, figure: Any, axes: Any, x_label: str, y_label: str) -> None:
+def _finish(figure: Any, axes: Any, x_label: str, y_label: str) -> None:
     axes.set(xscale="log", yscale="log", xlabel=x_label, ylabel=y_label)
     axes.grid(alpha=0.3)
-    axes.legend(fontsize=7)
+    legend_below(figure, columns=3)
+
+
+def _save(path: Path, figure: Any) -> None:
     atomically(path, lambda temporary: figure.savefig(temporary, dpi=110))

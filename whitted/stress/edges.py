@@ -89,8 +89,8 @@ def shadow_chart() -> Chart:
             curves.append(Curve(f"{label}, {p.name}", steps, error))
     return Chart(
         "Derivative of a shadow's area by the radius of the sphere",
-        "step of the differences",
-        "relative error",
+        "step of the differences (scene units)",
+        "relative error (1 is 100 %)",
         tuple(curves),
         1e-2,
     )
@@ -125,8 +125,8 @@ def silhouette_chart() -> Chart:
             curves.append(Curve(f"{label}, {p.name}", sides, abs(error)))
     return Chart(
         "Area of a sphere's silhouette, and its derivative by the radius",
-        "pixels along a side",
-        "relative error",
+        "resolution (pixels along a side)",
+        "relative error (1 is 100 %)",
         tuple(curves),
         1e-2,
     )
@@ -180,8 +180,8 @@ def fading_chart() -> Chart:
             curves.append(Curve(f"{label}, {p.name}", jumps, np.array(errors)))
     return Chart(
         "Derivative of a ball that fades into its background, by its radius",
-        "jump of radiance at the edge",
-        "error, over d area / d radius",
+        "jump of radiance at the edge (where white is 1)",
+        "error, relative to d area / d radius (1 is 100 %)",
         tuple(curves),
         1e-2,
     )

@@ -122,7 +122,9 @@ def rainbow_chart() -> Chart:
         curves.append(Curve(f"turn, {p.name}", bounces, of_turn))
         curves.append(Curve(f"its derivative by n, {p.name}", bounces, of_slope))
     title = "Turn of a ray that bounces inside a sphere"
-    return Chart(title, "bounces", "relative error", tuple(curves), 1e-4, linear=True)
+    return Chart(
+        title, "number of bounces", "relative error (1 is 100 %)", tuple(curves), 1e-4, linear=True
+    )
 
 
 # 14: ball lens
@@ -177,8 +179,8 @@ def ball_lens_chart() -> Chart:
     curves.append(Curve("paraxial formula, double", heights, abs(1.5 / expected - 1)))
     return Chart(
         "Focus of a ball lens",
-        "height of the ray above the axis, in radii",
-        "relative error",
+        "height of the ray above the axis (radii)",
+        "relative error (1 is 100 %)",
         tuple(curves),
         1e-2,
     )
@@ -214,8 +216,8 @@ def furnace_chart() -> Chart:
             curves.append(Curve(f"{label}, {p.name}", depths, np.array(lost)))
     return Chart(
         "Radiance lost beyond max_depth, where all radiance is 1",
-        "max_depth",
-        "missing radiance",
+        "max_depth (nodes)",
+        "missing radiance (of 1)",
         tuple(curves),
         1e-2,
         linear=True,

@@ -147,8 +147,8 @@ def critical_chart() -> Chart:
         curves.append(Curve(f"differences, step {step:g}, double", inside, error))
     return Chart(
         "Fresnel reflectance just inside the critical angle, where its slope is infinite",
-        "distance from the critical angle, radians",
-        "relative error of dF/dn",
+        "distance from the critical angle (radians)",
+        "relative error of dF/dn (1 is 100 %)",
         tuple(curves),
         1e-2,
     )

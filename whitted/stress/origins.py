@@ -64,7 +64,9 @@ def own_surface_chart() -> Chart:
             wrong = (hits != inward).reshape(radii.size, -1).mean(1)
             curves.append(Curve(f"{label}, {p.name}", radii, wrong))
     title = "Rays that leave a sphere: wrong hits outward, and misses inward"
-    return Chart(title, "radius", "share of wrong answers", tuple(curves), 1e-3)
+    return Chart(
+        title, "radius (scene units)", "share of wrong answers (1 is all)", tuple(curves), 1e-3
+    )
 
 
 # 7: origins and directions

@@ -116,8 +116,8 @@ def tangent_chart() -> Chart:
         curves.append(Curve(f"textbook quadratic, {p.name}", depth, abs(textbook - exact)))
     return Chart(
         "Ray that grazes a unit sphere",
-        "depth of the ray below the rim",
-        "error of the distance",
+        "depth of the ray below the rim (radii)",
+        "error of the distance (radii)",
         tuple(curves),
         1e-2,
     )
@@ -172,7 +172,7 @@ def distant_chart() -> Chart:
         for label, value in (("ours", t), ("textbook quadratic", textbook)):
             curves.append(Curve(f"{label}, {p.name}", distance, abs(value - far + to_front)))
     title = "Unit sphere far away"
-    return Chart(title, "distance", "error of the hit, in radii", tuple(curves), 0.1)
+    return Chart(title, "distance (radii)", "error of the hit (radii)", tuple(curves), 0.1)
 
 
 CASES = (

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..files.atomic import atomically, write_text
-from ..files.figures import figure_of
+from ..files.figures import figure_of, legend_below
 from ..files.pages import page_template
 from .case import Case, Chart, Curve
 from .suite import Result, slug
@@ -23,7 +23,7 @@ COLUMNS = "number", "case", "precision", "check", "error", "bound", "result", "s
 class Plot:
     """A file with the chart of a case, and where each of its methods breaks, in words."""
 
-    file: str
+    file: Path
     breaks: list[str]
 
 
@@ -66,9 +66,9 @@ def write(folder: Path, results: Sequence[Result]) -> list[Path]:
     cases = list(dict.fromkeys(result.case for result in results))
     for case in cases:
         if case.chart is not None:
-            chart, name = case.chart(), chart_name(case)
-            draw(folder / name, chart)
-            plots[case.number] = Plot(name, [describe_break(c, chart) for c in chart.curves])
+            chart, file = case.chart(), folder / chart_name(case)
+            draw(file, chart)
+            plots[case.number] = Plot(file, [describe_break(c, chart) for c in chart.curves])
     files = [folder / name for name in names(cases)]
     *_, table, page = files
     atomically(table, lambda temporary: _write_csv(temporary, results))
@@ -114,7 +114,7 @@ def draw(path: Path, chart: Chart) -> None:
     xscale = "linear" if chart.linear else "log"
     axes.set(title=chart.title, xlabel=chart.x, ylabel=chart.y, xscale=xscale, yscale="log")
     axes.grid(alpha=0.25)
-    axes.legend(fontsize=7.5)
+    legend_below(figure)
     atomically(path, lambda temporary: figure.savefig(temporary, dpi=110))
 
 

@@ -121,8 +121,8 @@ def small_chart() -> Chart:
         curves.append(Curve(f"AD with edges, spp {spp}, {p.name}", counts, np.array(errors)))
     return Chart(
         "Edges within one pixel",
-        "edges",
-        "error of d sum / d fov, over the sum of its absolute terms",
+        "number of edges",
+        "error of d sum / d fov, relative to its absolute terms (1 is 100 %)",
         tuple(curves),
         0.1,
         linear=True,

@@ -77,7 +77,7 @@ def scaled_chart() -> Chart:
             errors = np.array([error_quantile(scaled, image, share) for scaled in images])
             curves.append(Curve(f"{share:.0%} of the pixels, {p.name}", scales, errors))
     title = "The same scene at other scales"
-    return Chart(title, "scale", "difference of pixels", tuple(curves), 1e-4)
+    return Chart(title, "factor of scale", "difference of pixels (radiance)", tuple(curves), 1e-4)
 
 
 def moved(p: Precision) -> Iterator[Check]:
@@ -103,7 +103,13 @@ def moved_chart() -> Chart:
         curves.append(Curve(f"90% of the pixels, {p.name}", shifts, np.array(errors)))
         curves.append(Curve(f"2 ulp(position), {p.name}", shifts, 2 * p.epsilon * shifts))
     title = "The same scene far from the origin"
-    return Chart(title, "moved by", "difference of pixels", tuple(curves), 1e-2)
+    return Chart(
+        title,
+        "distance moved (scene units)",
+        "difference of pixels (radiance)",
+        tuple(curves),
+        1e-2,
+    )
 
 
 # 5: a huge sphere as the ground
@@ -144,7 +150,9 @@ def ground_chart() -> Chart:
         curves.append(Curve(f"99% of the near pixels, {p.name}", radii, np.array(errors)))
     curves.append(Curve("sagitta at 10 units, double", radii, 50 / radii))
     title = "A huge sphere in place of a plane"
-    return Chart(title, "radius", "difference of pixels", tuple(curves), 1e-2)
+    return Chart(
+        title, "radius (scene units)", "difference of pixels (radiance)", tuple(curves), 1e-2
+    )
 
 
 CASES = (
