@@ -111,21 +111,15 @@ def _growth(folder: Path, name: str, rows: Rows) -> Plot:
         f"{kind} {slope([row for row in rows if row['kind'] == kind]):.2f}" for kind in kinds
     )
     _draw_growth(folder / f"{name}.png", rows, GROWTH[name], "ms", TIME)
-    return Plot(
-        folder / f"{name}.png", f"Time against {GROWTH[name]}. Exponent of growth: {exponents}."
-    )
+    caption = f"Time against the {GROWTH[name]}. Exponent of growth: {exponents}."
+    return Plot(folder / f"{name}.png", caption)
 
 
 def _compiling(folder: Path, groups: Mapping[str, Rows]) -> Plot:
     rows = [row | {"kind": name} for name in ("spheres", "lights") for row in groups[name]]
-    _draw_growth(
-        folder / "compile.png",
-        rows,
-        "number of spheres or lights added",
-        "compile_s",
-        "compile time (s)",
-    )
-    caption = "Compile time of the kernel of plain samples, against the spheres or lights added."
+    added = "number of spheres or lights added"
+    _draw_growth(folder / "compile.png", rows, added, "compile_s", "compile time (s)")
+    caption = f"Compile time of the kernel of plain samples, against the {added}."
     return Plot(folder / "compile.png", caption)
 
 
@@ -172,7 +166,13 @@ def _draw_growth(path: Path, rows: Rows, x_label: str, key: str, y_label: str) -
 
 
 def _finish(figure: Any, axes: Any, x_label: str, y_label: str) -> None:
+    from matplotlib.ticker import LogFormatter
+
     axes.set(xscale="log", yscale="log", xlabel=x_label, ylabel=y_label)
+    for axis in (axes.xaxis, axes.yaxis):
+        # Plain numbers, in place of powers of ten
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(LogFormatter(minor_thresholds=(1.5, 0.4)))
     axes.grid(alpha=0.3)
     legend_below(figure, columns=3)
 
