@@ -1,17 +1,23 @@
 """The report of a small scene: all groups and files, and resumed runs."""
 
+import base64
+import itertools
 import json
+import re
 import sys
 
 import drjit as dr
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from whitted.cli import run
-from whitted.measure import scaling
+from whitted.files.figures import figure_of, legend_below
+from whitted.measure import plots, scaling
 from whitted.measure.analysis import fastest, front, slope
 from whitted.measure.chart import NAMES, chart, report
-from whitted.measure.plots import Plot
+from whitted.measure.plots import Plot, draw_plots
+from whitted.measure.point_labels import label_points
 from whitted.measure.store import Store
 from whitted.measure.timing import in_turns
 
@@ -52,7 +58,7 @@ def test_report_has_all_groups_and_is_resumed(scene, tmp_path, capsys, monkeypat
     assert names == set(NAMES)
     assert {"image.csv", "memory.csv", "measured.json", "report.html", "limits.png"} <= names
     page = (folder / "report.html").read_text()
-    assert all(f'src="{name}"' in page for name in names if name.endswith(".png"))
+    check_page(page, folder, [name for name in names if name.endswith(".png")])
     assert "d image / d spheres.sphere0.center.x" in page
     stored = json.loads((folder / "measured.json").read_text())
     check_errors(stored["groups"])
@@ -93,14 +99,26 @@ def check_errors(groups):
         assert reverse < modes[f"plain AD, reverse, {which}, single, spp 1"]
 
 
-def test_text_is_escaped_in_the_report():
+def check_page(page, folder, pictures):
+    """It needs no other file: all pictures are inside. It fits a narrow window."""
+    sources = re.findall(r'src="data:image/png;base64,([^"]*)"', page)
+    inside = {base64.b64decode(source) for source in sources}
+    assert inside == {(folder / name).read_bytes() for name in pictures}
+    assert page.count("src=") == len(sources)
+    assert not re.search(r"href=|url\(|@import", page)
+    assert 'name="viewport" content="width=device-width' in page
+    assert page.count("<table>") == page.count('<div class="wide"><table>') > 0
+
+
+def test_text_is_escaped_in_the_report(tmp_path):
+    (tmp_path / "image.png").touch()
     groups = {"image": [{"name": "<b> & c", "ms": 1.0, "error": 0.5}], "depth": []}
-    plots = [Plot("image.png", 'x < y & "z"')]
-    page = report("a<b>&c", {"scene": "a<b>&c.toml"}, groups | {"importance": []}, plots)
+    drawn = [Plot(tmp_path / "image.png", 'x < y & "z"')]
+    page = report("a<b>&c", {"scene": "a<b>&c.toml"}, groups | {"importance": []}, drawn)
     for text in (
         "<title>a&lt;b&gt;&amp;c: speed against accuracy</title>",
         "<h1>a&lt;b&gt;&amp;c: ",
-        "<td>a&lt;b&gt;&amp;c.toml</td>",
+        ">a&lt;b&gt;&amp;c.toml</td>",
         "<td>&lt;b&gt; &amp; c</td>",
         'alt="x &lt; y &amp; &#34;z&#34;"',
     ):
@@ -169,6 +187,56 @@ def test_slope_is_the_exponent():
     rows = [{"x": n, "ms": 3 * n**1.5} for n in (1, 2, 4, 8)]
     assert slope(rows) == pytest.approx(1.5)
     assert np.isnan(slope(rows[:1]))
+
+
+def drawn(points, notes):
+    """A plot of points with labels; returns the ends of labels, of points and of the panel."""
+    figure, axes = figure_of(1, 5)
+    axes.plot(*zip(*points, strict=True), "o", label="points")
+    axes.set(xscale="log", yscale="log")
+    legend_below(figure)
+    label_points(figure, axes, points, notes)
+    renderer = figure.canvas.get_renderer()
+    texts = {text.get_text(): Text.get_window_extent(text, renderer) for text in axes.texts}
+    places = axes.transData.transform(points)
+    return texts, places, axes.get_window_extent(renderer), figure.legends[0]
+
+
+def test_labels_cover_neither_points_nor_each_other():
+    rng = np.random.default_rng(0)
+    # Some are so close that their points overlap
+    points = [(10**x, 10**y) for x, y in rng.normal(0, 0.1, (25, 2))] + [(1, 1.001), (1.001, 1)]
+    notes = [f"step {k}, spp 4" for k in range(27)]
+    texts, places, panel, legend = drawn(points, notes)
+    assert list(texts) == notes
+    for text, other in itertools.combinations(texts.values(), 2):
+        assert not text.overlaps(other)
+    for text in texts.values():
+        assert not any(text.contains(*place) for place in places)
+        assert panel.contains(text.x0, text.y0)
+        assert panel.contains(text.x1, text.y1)
+        assert not text.overlaps(legend.get_window_extent())
+    assert not panel.overlaps(legend.get_window_extent())
+
+
+def test_point_without_room_has_no_label():
+    texts, *_ = drawn([(1, 1)], ["a label " * 30])
+    assert texts == {}
+
+
+def test_every_axis_says_what_it_is(tmp_path, monkeypatch):
+    """And in which unit: in parentheses, unless it counts."""
+    figures = []
+    monkeypatch.setattr(plots, "_save", lambda path, figure: figures.append(figure))
+    rows = [{"kind": kind, "name": f"{kind}, a"} for kind in ("plain AD", "boundary")]
+    numbers = {"ms": 1, "spread": 0, "error": 1, "x": 1, "mib": 1, "compile_s": 0}
+    rows = [row | numbers | {"depth": 1, "least": 0} for row in rows]
+    names = ("image", "depth", "importance", "gradient", "modes", *plots.GROWTH, "memory")
+    draw_plots(tmp_path, dict.fromkeys(names, rows), "camera.fov")
+    assert len(figures) == len(plots.FILES)
+    for axes in (axes for figure in figures for axes in figure.axes):
+        for label in (axes.get_xlabel(), axes.get_ylabel()):
+            assert re.search(r"\(.*\)|^number of ", label)
 
 
 def test_bad_input_is_refused(scene, tmp_path, capsys):

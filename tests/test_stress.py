@@ -1,6 +1,8 @@
 """The stress suite: each case passes, and what is wrong is noticed and reported."""
 
+import base64
 import csv
+import re
 import sys
 
 import numpy as np
@@ -44,9 +46,14 @@ def test_report(tmp_path, capsys):
     assert "6 results, 0 failed" in lines[-1]
     page = (tmp_path / "out" / "report.html").read_text()
     assert "1. tangent ray" in page
-    assert 'src="01-tangent-ray.png"' in page
+    picture = (tmp_path / "out" / "01-tangent-ray.png").read_bytes()
+    assert f'src="data:image/png;base64,{base64.b64encode(picture).decode()}"' in page
+    assert page.count("src=") == 1
+    assert not re.search(r"href=|url\(|@import", page)
+    assert 'name="viewport" content="width=device-width' in page
+    assert page.count("<table>") == page.count('<div class="wide"><table>') > 0
     assert '<span class="pass">all pass</span>' in page
-    assert (tmp_path / "out" / "01-tangent-ray.png").read_bytes().startswith(b"\x89PNG")
+    assert picture.startswith(b"\x89PNG")
     names = {"01-tangent-ray.png", "results.csv", "report.html"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     with (tmp_path / "out" / "results.csv").open(newline="") as file:
@@ -55,10 +62,11 @@ def test_report(tmp_path, capsys):
     assert {row["result"] for row in rows} == {"pass"}
 
 
-def test_text_is_escaped_in_the_report():
+def test_text_is_escaped_in_the_report(tmp_path):
+    (tmp_path / "1.png").touch()
     case = Case(1, "a<b>", "t > 0 & t < 1", "<i>", lambda precision: (), limit="'&'")
     checks = Check("x < y", 0, 1), Check("p & q", 2, 1)
-    plots = {1: report.Plot("1.png", ['"t" > 0: holds', "a&b: holds"])}
+    plots = {1: report.Plot(tmp_path / "1.png", ['"t" > 0: holds', "a&b: holds"])}
     page = report.report([suite.Result(case, "single", checks, 0.0)], plots)
     for text in (
         "1. a&lt;b&gt;</h2>",
