@@ -4,6 +4,7 @@ import base64
 import itertools
 import json
 import re
+import subprocess
 import sys
 
 import drjit as dr
@@ -237,6 +238,16 @@ def test_every_axis_says_what_it_is(tmp_path, monkeypatch):
     for axes in (axes for figure in figures for axes in figure.axes):
         for label in (axes.get_xlabel(), axes.get_ylabel()):
             assert re.search(r"\(.*\)|^number of ", label)
+
+
+def test_memory_of_the_parent_does_not_count():
+    child = "from whitted.measure.scaling import peak_memory; print(peak_memory())"
+    parent = (
+        "import subprocess, sys; taken = b'x' * (1 << 29); "
+        f"subprocess.run([sys.executable, '-c', {child!r}], check=True)"
+    )
+    done = subprocess.run([sys.executable, "-c", parent], capture_output=True, check=True)
+    assert 10 < float(done.stdout) < 512
 
 
 def test_bad_input_is_refused(scene, tmp_path, capsys):

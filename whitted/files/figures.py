@@ -2,8 +2,11 @@
 
 from typing import Any
 
+# Of a legend: characters in a line, and those that the mark of an entry takes; inches of a row
+LINE, MARK, ROW = 92, 9, 0.16
 
-def figure_of(rows: int, height: float = 3) -> tuple[Any, Any]:
+
+def figure_of(rows: int, height: float = 2.4) -> tuple[Any, Any]:
     """An empty figure with panels below each other.
 
     Args:
@@ -23,11 +26,14 @@ def figure_of(rows: int, height: float = 3) -> tuple[Any, Any]:
         raise RuntimeError(
             "plots need matplotlib, which is missing; install it with: pip install 'whitted[fit]'"
         ) from None
-    figure = Figure(figsize=(8, height * rows), layout="constrained")
+    figure = Figure(figsize=(6.4, height * rows), dpi=140, layout="constrained")
     FigureCanvasAgg(figure)
     return figure, figure.subplots(rows, 1, sharex=True)
 
 
-def legend_below(figure: Any, columns: int = 2) -> None:
-    """A legend of all panels below them, where it covers nothing."""
+def legend_below(figure: Any) -> None:
+    """A legend of all panels below them, where it covers nothing; the figure grows by it."""
+    labels = [label for axes in figure.axes for label in axes.get_legend_handles_labels()[1]]
+    columns = max(1, min(len(labels), LINE // (max(map(len, labels), default=0) + MARK)))
+    figure.set_figheight(figure.get_figheight() + ROW * (1 + -(-len(labels) // columns)))
     figure.legend(loc="outside lower center", ncols=columns, fontsize=8)

@@ -11,6 +11,9 @@ import numpy as np
 
 from ..files.figures import figure_of, legend_below
 
+# Numbers that the legend of a plot names, at most
+LABELLED = 16
+
 
 @dataclass(frozen=True)
 class Iteration:
@@ -61,7 +64,10 @@ def plot(history: Sequence[Iteration], labels: Sequence[str], path: str | None) 
     losses.set_ylabel("loss (radiance squared)")
     for k, label in enumerate(labels):
         values = np.array([step.x[k] for step in history])
-        numbers.plot(steps, values - values[-1], ".-", label=f"{label} - {values[-1]:.5g}")
+        told = f"{label} - {values[-1]:.5g}" if k < LABELLED else "_"
+        numbers.plot(steps, values - values[-1], ".-", label=told)
+    if len(labels) > LABELLED:
+        numbers.plot([], [], " ", label=f"and {len(labels) - LABELLED} more")
     numbers.set_yscale("symlog", linthresh=1e-4)
     numbers.set_ylabel("parameter less its last value\n(its own unit)")
     legend_below(figure)
@@ -72,5 +78,5 @@ def plot(history: Sequence[Iteration], labels: Sequence[str], path: str | None) 
             for panel in (losses, numbers):
                 panel.axvline(after.iteration - 0.5, color="0.8", zorder=0)
     if path is not None:
-        figure.savefig(path, dpi=110)
+        figure.savefig(path)
     return figure

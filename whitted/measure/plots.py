@@ -136,7 +136,7 @@ def _draw_errors(path: Path, rows: Rows, label: str, best: Rows | None = None) -
         label: of the axis of errors.
         best: the Pareto front, drawn as a dotted line.
     """
-    figure, axes = figure_of(1, 6.5)
+    figure, axes = figure_of(1, 4.8)
     timed = sorted((row for row in rows if "ms" in row), key=lambda row: row["ms"])
     for kind in dict.fromkeys(row["kind"] for row in rows if "ms" in row):
         own = [row for row in timed if row["kind"] == kind]
@@ -156,7 +156,7 @@ def _draw_errors(path: Path, rows: Rows, label: str, best: Rows | None = None) -
 
 def _draw_growth(path: Path, rows: Rows, x_label: str, key: str, y_label: str) -> None:
     """Draw one entry of the measurements against x, a line for each kind."""
-    figure, axes = figure_of(1, 5)
+    figure, axes = figure_of(1, 3.4)
     for kind in dict.fromkeys(row["kind"] for row in rows):
         own = [row for row in rows if row["kind"] == kind]
         y = [max(row[key], LEAST) for row in own]
@@ -174,8 +174,8 @@ def _finish(figure: Any, axes: Any, x_label: str, y_label: str) -> None:
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(LogFormatter(minor_thresholds=(1.5, 0.4)))
     axes.grid(alpha=0.3)
-    legend_below(figure, columns=3)
+    legend_below(figure)
 
 
 def _save(path: Path, figure: Any) -> None:
-    atomically(path, lambda temporary: figure.savefig(temporary, dpi=110))
+    atomically(path, lambda temporary: figure.savefig(temporary))

@@ -1,11 +1,13 @@
 """How time and memory grow: with pixels, spheres, lights and differentiated parameters."""
 
+import re
 import resource
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import drjit as dr
@@ -125,7 +127,16 @@ def _print_peak_memory(path: str, side: str, boundary: str) -> None:
     resolution = int(side), int(side)
     dr.eval(render_samples(load_scene(path), boundary=boundary == "1", resolution=resolution))
     dr.sync_thread()
-    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    print(peak_memory())
+
+
+def peak_memory() -> float:
+    """The most memory that this process has taken, in MiB."""
+    status = Path("/proc/self/status")
+    if status.exists():
+        # On Linux `getrusage` counts what the parent took, too
+        return float(re.findall(r"VmHWM:\s*(\d+) kB", status.read_text())[0]) / 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 if __name__ == "__main__":

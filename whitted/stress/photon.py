@@ -137,7 +137,7 @@ def many_mirrors_chart() -> Chart:
         error = abs(forward / by_start - 1)
         curves.append(Curve(f"its derivative, relative, {p.name}", bounces, error))
     title = "Photon among mirrors of radius 1/3"
-    errors = "error of x (scene units), relative error of its derivative"
+    errors = "error of x (scene units), and\nof its derivative (1 is 100 %)"
     return Chart(title, "number of bounces", errors, tuple(curves), 1e-2, linear=True)
 
 

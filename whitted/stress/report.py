@@ -106,16 +106,17 @@ def _broken(curve: Curve, chart: Chart) -> np.ndarray:
 
 def draw(path: Path, chart: Chart) -> None:
     """Draw a chart: errors on a logarithmic axis, with a ring where each method breaks."""
-    figure, axes = figure_of(1, 5)
+    figure, axes = figure_of(1, 3.4)
     for curve in chart.curves:
         _draw_curve(axes, curve, chart)
     label = f"tolerance: {chart.tolerance:g}"
     axes.axhline(chart.tolerance, color="gray", linestyle=":", linewidth=1, label=label)
     xscale = "linear" if chart.linear else "log"
-    axes.set(title=chart.title, xlabel=chart.x, ylabel=chart.y, xscale=xscale, yscale="log")
+    axes.set_title(chart.title, fontsize=10)
+    axes.set(xlabel=chart.x, ylabel=chart.y, xscale=xscale, yscale="log")
     axes.grid(alpha=0.25)
     legend_below(figure)
-    atomically(path, lambda temporary: figure.savefig(temporary, dpi=110))
+    atomically(path, lambda temporary: figure.savefig(temporary))
 
 
 def _draw_curve(axes: Any, curve: Curve, chart: Chart) -> None:
