@@ -61,7 +61,8 @@ def test_params_of_a_pattern(capsys):
         (["cornell", "spheres.bal.radius"], "no parameter 'spheres.bal.radius'; nearest: spheres."),
         (["cornell", "lamps.*"], "no parameter 'lamps.*'; nearest: "),
         (["cornel"], "cornel: there is no such file, and no shipped scene of this name; nearest: "),
-        ([], "Missing argument 'scene'"),
+        ([], "Missing argument 'scene'; see: whitted params --help"),
+        (["cornell", "a", "b"], "unexpected extra argument(s) (b); see: whitted params --help"),
     ],
 )
 def test_params_refuses_bad_input(capsys, arguments, message):

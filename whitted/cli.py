@@ -61,6 +61,10 @@ def run(arguments: list[str]) -> int:
         return app(arguments, prog_name="whitted", standalone_mode=False) or 0
     except TyperException as error:
         message = error.format_message()
+        context = getattr(error, "ctx", None)
+        # A message of several lines is the help itself
+        if context is not None and "\n" not in message:
+            message = f"{message.removesuffix('.')}; see: {context.command_path} --help"
     except KeyboardInterrupt:
         return 130
     except MemoryError:
