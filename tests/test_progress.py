@@ -120,3 +120,12 @@ def test_derivatives_after_the_image_draw_nothing(load, screen, at_once):
     dr.backward(dr.sum(image, axis=None))
     time.sleep(0.2)
     assert screen.getvalue() == drawn
+
+
+def test_progress_is_by_work(load, monkeypatch):
+    """Parts of the search for edges cost about the same, and each counts for as much."""
+    monkeypatch.setattr("whitted.edges.settings.SEARCHED", 100)
+    done = []
+    wt.render(load(SCENES["all"]), resolution=(24, 24), progress=done.append)
+    assert len(done) > 3
+    assert done == pytest.approx([(k + 1) / len(done) for k in range(len(done))])
