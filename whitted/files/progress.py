@@ -7,7 +7,7 @@ from contextlib import contextmanager
 # A callback for the fraction done, in (0, 1]
 Report = Callable[[float], None]
 # Seconds until a bar appears: what is over by then needs none
-DELAY = 0.5
+DELAY = 0.25
 
 
 @contextmanager
