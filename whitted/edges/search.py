@@ -22,7 +22,7 @@ from .grid import (
 )
 from .locate import Crossing, Segment
 from .pairs import Crossings, Moves, Pairs, interleaved, pairs_of
-from .refinement import crowded, finer_side, pixels_to_refine
+from .refinement import finer_side, pixels_to_refine
 from .tables import concatenated, deposit, rows_of
 
 # Called with the fraction done
@@ -42,7 +42,8 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
     grid = labels.numpy().reshape((band.rows + 2) * side, -1)
     samples = band_samples(grid, side, band.first_row)
     neighbours = neighbours_across_edges(samples)
-    parts = list(_parts(band, neighbours[-1]))
+    refined = pixels_to_refine(samples, neighbours[-1])
+    parts = list(_parts(band, neighbours[-1], refined))
     found = []
     for done, (first, rows) in enumerate(parts, 1):
         part = band
@@ -51,7 +52,9 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
             own = grid[first * side : (first + rows + 2) * side]
             samples = band_samples(own, side, part.first_row)
             neighbours = neighbours_across_edges(samples)
-        search = _Search(part, keep, image[first * width * 3 : (first + rows) * width * 3], samples)
+        start, stop = first * width, (first + rows) * width
+        own_refined = refined[slice(*np.searchsorted(refined, (start, stop)))] - start
+        search = _Search(part, keep, image[start * 3 : stop * 3], samples, own_refined)
         search.run(*neighbours)
         if keep:
             found.append(search.found())
@@ -60,24 +63,21 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
     return flat, found
 
 
-def _parts(band: Band, ends: np.ndarray) -> Iterator[tuple[int, int]]:
+def _parts(band: Band, ends: np.ndarray, refined: np.ndarray) -> Iterator[tuple[int, int]]:
     """First row and rows of the parts of a band that are searched one after the other.
 
-    What a row costs is told by its pairs of neighbours, and by the samples of its pixels that may
-    be sampled anew.
+    What a row costs is told by its pairs of neighbours, and by its pixels that are sampled anew.
 
     Args:
         ends: (2, N), the pixels of neighbours with different labels.
+        refined: the pixels that are sampled anew.
     """
-    finer = finer_side(band.side) ** 2
-    # At most: all pairs are in pixels that are sampled anew
-    if ends.size * finer <= settings.SEARCHED:
+    finer, width = finer_side(band.side) ** 2, band.resolution[0]
+    if ends.shape[1] + finer * refined.size <= settings.SEARCHED:
         yield 0, band.rows
         return
-    width = band.resolution[0]
-    rows = np.maximum(*ends) // width, crowded(ends, band.side) // width
-    cost = np.bincount(rows[0], minlength=band.rows)
-    cost += finer * np.bincount(rows[1], minlength=band.rows)
+    cost = np.bincount(np.maximum(*ends) // width, minlength=band.rows)
+    cost += finer * np.bincount(refined // width, minlength=band.rows)
     number = (np.cumsum(cost) - cost) // settings.SEARCHED
     starts = np.flatnonzero(np.diff(number, prepend=-1))
     for first, stop in zip(starts, np.append(starts[1:], band.rows), strict=True):
@@ -90,9 +90,11 @@ class _Search:
     All samples, regular and finer, are numbered in the order in which they are traced.
     """
 
-    def __init__(self, band: Band, keep: bool, image: np.ndarray, samples: Samples) -> None:
+    def __init__(
+        self, band: Band, keep: bool, image: np.ndarray, samples: Samples, refined: np.ndarray
+    ) -> None:
         self.band, self.keep, self.image, self.samples = band, keep, image, samples
-        self.refined = np.zeros(0, np.int64)  # the pixels that are sampled anew, in order
+        self.refined = refined  # the pixels that are sampled anew, in order
         self.fine: Samples | None = None  # their samples
         self.fine_range = np.zeros((2, 3, 0), image.dtype)  # and the range of their radiance
         self.moves: dict[int, list[Moves]] = {}  # by the round of the search
@@ -108,7 +110,6 @@ class _Search:
             a, b, ends: the neighbours with different labels, and (2, N) their pixels.
         """
         band, samples = self.band, self.samples
-        self.refined = pixels_to_refine(samples, ends)
         place = self.refined, finer_side(band.side), band.resolution[0], band.first_row
         traced = self.trace(*fine_samples(*place)) if self.refined.size else None
 

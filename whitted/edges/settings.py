@@ -63,7 +63,7 @@ SLIVER = 16
 
 # Pairs of samples and finer samples that are searched at once, about. More take more memory, and
 # keep Ctrl-C waiting.
-SEARCHED = 1 << 17
+SEARCHED = 1 << 16
 # Lanes of one call of a kernel for samples, at most.
 SAMPLES = 1 << 20
 # The same for edges and derivatives, which keep much more for each lane.
