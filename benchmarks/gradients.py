@@ -165,7 +165,7 @@ class Derivative:
         @lru_cache
         def moved(factor: float) -> tuple:
             there = self.scene_at(factor)
-            values = there.parameters()
+            values = there.inputs()
             dr.make_opaque(values)
             return there.structure, values
 

@@ -18,7 +18,7 @@ SIDE = 24
 def looked(load, text, faint, path=None):
     """Radiance and labels of samples: what is contrasted below a path's node, or all."""
     loaded = load(text)
-    scene, frame = prepare(loaded.structure, loaded.parameters(), ad.Array2f64(SIDE, SIDE))
+    scene, frame = prepare(loaded.structure, loaded.inputs(), ad.Array2f64(SIDE, SIDE))
     j, i = np.divmod(np.arange(SIDE**2), SIDE)
     ray = image_ray(frame, ad.Array2f64(SIDE, SIDE), ad.Float64(i + 0.5), ad.Float64(j + 0.5))
     least = ad.Float64(loaded.min_importance) if loaded.min_importance else None

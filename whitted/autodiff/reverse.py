@@ -99,7 +99,7 @@ def walk_back(tree: "Tree", sums: Parameters, ray: Ray) -> tuple[Parameters, Arr
     mask = dr.mask_t(node.weight)
     place = Place(node, Adjoint.zero(node, width), dr.full(mask, tree.changed is None, width))
     stack = Stack.allocate(
-        limits.max_depth if reflects(scene) else 0,
+        limits.capacity if reflects(scene) else 0,
         dr.zeros(type(limits.depth), width),
         Waiting(node, place.back, node.weight),
     )

@@ -22,6 +22,8 @@ from ..tracing.node import Limits
 # Samples in a band: enough to keep all cores busy, and few enough to report progress, and to stop,
 # between two bands
 BAND = 1 << 20
+# Nodes that the smallest stack has room for
+LEAST_CAPACITY = 8
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,9 @@ class Job:
     def limits(self) -> Limits:
         least, real = self.scene.min_importance, self.scene.precision.real
         importance = dr.opaque(real, least) if least > 0 else None
-        return Limits(self.max_depth, dr.opaque(ad.UInt32, self.max_depth), importance)
+        # A stack's size is compiled in. Powers of two are few
+        capacity = max(LEAST_CAPACITY, 1 << (self.max_depth - 1).bit_length())
+        return Limits(capacity, dr.opaque(ad.UInt32, self.max_depth), importance)
 
     def bands(self) -> Iterator[tuple[int, int]]:
         """First row and rows of each band."""

@@ -48,7 +48,7 @@ def render_samples(
         )
     size = _checked(scene.resolution if resolution is None else resolution)
     _check_memory(*size, dr.itemsize_v(scene.background))
-    parameters = scene.parameters()
+    parameters = scene.inputs()
     # Opaque: each literal value would be compiled into a kernel of its own
     dr.make_opaque(parameters)
     wrt = {name: value for name, value in parameters.items() if dr.grad_enabled(value)}

@@ -19,6 +19,7 @@ class Camera:
     position: Array = parameter(3, scale=Scale(1 / 10, "view"))
     look_at: Array = parameter(3, scale=Scale(1 / 10, "view"))
     fov: Array = parameter(1, ANGLE, scale=Scale(1 / 2, "value"))
+    # In a kernel an array, so that its numbers are not compiled in; no derivative is taken by it
     up: tuple[float, float, float] = (0.0, 1.0, 0.0)
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
-from ..core.arrays import Array, Precision, precision_named, precision_of
+from ..core.arrays import Array, Parameters, Precision, precision_named, precision_of
 from ..core.host import from_numbers, to_numbers
 from ..core.parameter import Numbers, parameters_of
 from ..core.pytree import put_together, take_apart
@@ -16,7 +16,7 @@ from .camera import Camera
 from .features import Features, features_of
 from .material import Material
 from .parameters import Location, locations_in, numbers_of, with_values
-from .structure import Structure
+from .structure import UP, Structure
 from .surroundings import Surroundings
 
 Own = TypeVar("Own", bound="Contents")
@@ -153,6 +153,14 @@ class Contents(Surroundings):
         """All of the scene that its kernels are compiled for."""
         structure, _ = self.__dict__.get("before", (None, ()))
         return structure if structure and structure.features == self.features else Structure(self)
+
+    def inputs(self) -> Parameters:
+        """What kernels take: all parameters, by their names in kernels, and the direction up."""
+        names = self.structure.names
+        arrays = {names[name]: where.read(self) for name, where in self.locations.items()}
+        copies = {name: type(array)(array) for name, array in arrays.items()}
+        copies[UP] = from_numbers([[x] for x in self.camera.up], self.precision)
+        return copies
 
     @property
     def precision(self) -> Precision:

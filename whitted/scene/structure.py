@@ -1,36 +1,55 @@
-"""What of a scene kernels are compiled for: all but its numbers."""
+"""What of a scene kernels are compiled for: all but its numbers and names."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import repeat
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..core.arrays import Array
 from ..core.pytree import put_together, take_apart
+from .features import Features
+from .parameters import Location
 
 if TYPE_CHECKING:
     from .contents import Contents
     from .scene import Scene
 
+# A number that no derivative is taken by; kernels take it with the parameters
+UP = "camera.up"
+
 
 class Structure:
-    """A scene without its arrays. It can be hashed, so that kernels are recorded by it."""
+    """A scene without its arrays and names. It can be hashed, so that kernels are recorded by it.
+
+    Things are named by their places in the scene instead, and their parameters with them.
+    """
 
     def __init__(self, scene: "Contents") -> None:
         self.features = scene.features
         self.precision = scene.precision
-        # The rest of the fields is given to kernels in other ways, or not at all
-        other = {
+        materials = _places(scene.materials)
+        changed: dict[str, Any] = {
+            "shapes": tuple(
+                replace(shape, name=str(k), material=materials[shape.material])
+                for k, shape in enumerate(scene.shapes)
+            ),
+            "materials": _numbered(scene.materials),
+            "lights": _numbered(scene.lights),
+            # What follows is given to kernels in other ways, or not at all
+            "camera": replace(scene.camera, up=None),  # type: ignore[arg-type]
             "touched": frozenset(),
             "resolution": (0, 0),
             "max_depth": 0,
             "min_importance": 0.0,
             "text": "",
         }
-        compiled = replace(scene, fixed=self.features, **other)  # type: ignore[arg-type]
-        self.key = take_apart(compiled, []), self.precision.name
+        # The names of parameters in kernels
+        self.names = {name: _placed(name, where) for name, where in scene.locations.items()}
+        bare = replace(scene, fixed=self._features(materials), **changed)
+        self.key = take_apart(bare, []), self.precision.name
         self._hash = hash(self.key)
-        self._locations = scene.locations
+        self._locations = {self.names[name]: where for name, where in scene.locations.items()}
+        self._locations[UP] = replace(self._locations["camera.look_at"], path=("up",))
 
     def __hash__(self) -> int:
         return self._hash
@@ -38,8 +57,33 @@ class Structure:
     def __eq__(self, other: object) -> bool:
         return self is other or (isinstance(other, Structure) and self.key == other.key)
 
-    def filled(self, parameters: Mapping[str, Array]) -> "Scene":
-        """A scene of this structure with these parameters, which must be all of them."""
+    def filled(self, inputs: Mapping[str, Array]) -> "Scene":
+        """A scene of this structure with these `Contents.inputs`."""
         scene: Scene = put_together(self.key[0], repeat(None))
         scene.__dict__["locations"] = self._locations
-        return scene.carrying(parameters)
+        return scene.carrying(inputs)
+
+    def _features(self, materials: Mapping[str, str]) -> Features:
+        """The features of the scene, by the names in kernels."""
+        features = self.features
+        return Features(
+            frozenset(self.names[name] for name in features.live),
+            frozenset(materials[name] for name in features.coated),
+            frozenset(materials[name] for name in features.shadowless),
+            features.places,
+        )
+
+
+def _placed(name: str, where: Location) -> str:
+    """A parameter's name with its thing's place for that one's name."""
+    if where.place is None:
+        return name
+    return ".".join((name.partition(".")[0], str(where.place), *where.path))
+
+
+def _places(things: tuple[Any, ...]) -> dict[str, str]:
+    return {thing.name: str(k) for k, thing in enumerate(things)}
+
+
+def _numbered(things: tuple[Any, ...]) -> tuple[Any, ...]:
+    return tuple(replace(thing, name=str(k)) for k, thing in enumerate(things))

@@ -17,8 +17,8 @@ from .surface import Surface, surface
 class Limits:
     """Where the recursion ends."""
 
-    max_depth: int  # nodes on the longest chain
-    depth: Array  # UInt32: the same, opaque to the kernel
+    capacity: int  # of stacks: no less than `depth`, and the same for many depths
+    depth: Array  # UInt32: nodes on the longest chain
     importance: Array | None  # a child whose product of weights is below it is not traced
     # Edges at nodes whose product of weights is below it are left to the samples
     faint: Array = None

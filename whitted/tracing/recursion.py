@@ -72,7 +72,7 @@ def walk(scene: Scene, limits: Limits, root: Any, state: State, step: Step, labe
 
     width = dr.width(root)
     size = dr.zeros(type(limits.depth), width)
-    stack = Stack.allocate(limits.max_depth if branches_out(scene) else 0, size, root)
+    stack = Stack.allocate(limits.capacity if branches_out(scene) else 0, size, root)
     start = root, state, stack, dr.ones(dr.mask_t(size), width)
     return dr.while_loop(start, lambda *s: s[-1], body, mode="symbolic", label=label)[1]
 
