@@ -99,7 +99,7 @@ def regular_samples(pixels: np.ndarray, side: int, columns: int) -> tuple[np.nda
     return pixels % columns + (i + 0.5) / side, pixels // columns + (j + 0.5) / side
 
 
-@lru_cache
+@lru_cache(maxsize=4)
 def _ring(side: int) -> tuple[np.ndarray, ...]:
     """A grid of side * side places and a ring around them.
 
@@ -161,7 +161,7 @@ def _distinct(labels: np.ndarray) -> np.ndarray:
     return 1 + np.add.reduce(ordered[1:] != ordered[:-1], 0, dtype=np.uint16)
 
 
-@lru_cache
+@lru_cache(maxsize=4)
 def _window(side: int, stride: int) -> np.ndarray:
     """The places of a pixel's own samples and the nearest ones around it.
 
