@@ -4,7 +4,7 @@
 
 For renders and steps of one scene it prints how much the process's memory grew once it was warm,
 how many kernels were compiled meanwhile, and how far the last result is from the first. Then it
-makes many scenes of 200 structures, one in ten of which is rendered with edges and differentiated,
+makes many scenes of 200 structures, one in twenty of which is rendered with edges and differentiated,
 and prints memory every 100 scenes. The exit status is 1 where memory grew by 20 MiB or more, for
 scenes in 1000 of them, where a kernel was compiled, or where the results differ.
 """
@@ -36,7 +36,7 @@ RESTART = 100
 STRUCTURES = 200
 WARM_ROUNDS = 2
 # One structure in so many is rendered with edges, and differentiated
-DIFFERENTIATED = 10
+DIFFERENTIATED = 20
 # Scenes after which memory is printed
 PRINTED = 100
 MATERIALS: tuple[dict[str, float | bool], ...] = (
