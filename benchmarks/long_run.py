@@ -4,9 +4,9 @@
 
 For renders and steps of one scene it prints how much the process's memory grew once it was warm,
 how many kernels were compiled meanwhile, and how far the last result is from the first. Then it
-makes many scenes of 200 structures, one in twenty of which is rendered with edges and differentiated,
-and prints memory every 100 scenes. The exit status is 1 where memory grew by 20 MiB or more, for
-scenes in 1000 of them, where a kernel was compiled, or where the results differ.
+makes many scenes of 200 structures, one in twenty of which has edges and is differentiated, and
+prints memory every 100 scenes. The exit status is 1 where memory grew by 20 MiB or more (for the
+many scenes: in 1000 of them), where a kernel was compiled, or where the results differ.
 """
 
 import argparse
