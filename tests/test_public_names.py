@@ -69,6 +69,7 @@ MEMBERS = {
         "features": "property",
         "fixed": "field",
         "from_dict": "(tables, precision='single')",
+        "inputs": "(self)",
         "lights": "field",
         "locations": "property",
         "materials": "field",
