@@ -14,6 +14,7 @@ import gc
 from collections.abc import Callable, Hashable
 from functools import wraps
 from typing import Any, TypeVar
+from weakref import WeakSet
 
 import drjit as dr
 
@@ -31,6 +32,9 @@ KEPT = 256
 MADE = 512
 
 
+_freeze = dr.freeze
+
+
 class _Recording:
     """A function of arguments of one structure.
 
@@ -42,7 +46,7 @@ class _Recording:
         self.arguments = structure
         self.result: Hashable = None
         self.used = 0  # the larger, the later
-        self.replay: Any = dr.freeze(self._trace, state_fn=None, warn_after=1 << 30)
+        self.replay: Any = _freeze(self._trace, state_fn=None, warn_after=1 << 30)
 
     def __call__(self, arrays: list[Array]) -> Any:
         results = held(self._replay, arrays)
@@ -76,6 +80,8 @@ class _Store:
         self.by_function: list[dict[Hashable, _Recording]] = []
         self.uses = 0
         self.made = 0  # since kernels were freed
+        # What users froze; kernels of their recordings must stay
+        self.others: WeakSet[Any] = WeakSet()
 
     def make_room(self) -> None:
         """For one more recording: drop the one not used for longest, or all with their kernels."""
@@ -83,7 +89,7 @@ class _Store:
             return
         if self.made >= MADE:
             self.made = 0
-            if not self._others():
+            if not any(other.n_recordings for other in self.others):
                 dr.flush_kernel_cache()
         self.drop(KEPT - 1)
 
@@ -93,16 +99,6 @@ class _Store:
         entries.sort(key=lambda entry: entry[0][entry[1]].used, reverse=True)
         for own, key in entries[kept:]:
             own.pop(key).replay.clear()
-
-    def _others(self) -> bool:
-        """Whether functions that the user froze have recordings, which need their kernels."""
-        ours = {id(x.replay.frozen) for own in self.by_function for x in own.values()}
-        return any(
-            type(thing) is dr.detail.FrozenFunction
-            and thing.n_recordings > 0
-            and id(thing) not in ours
-            for thing in gc.get_objects()
-        )
 
 
 _store = _Store()
@@ -147,4 +143,16 @@ def _flushing(flush: Callable[[], None]) -> Callable[[], None]:
     return call
 
 
-dr.flush_kernel_cache = _flushing(dr.flush_kernel_cache)
+@wraps(_freeze)
+def _noting(function: Callable | None = None, **options: Any) -> Any:
+    """`dr.freeze` for users."""
+    if function is None:
+        return lambda function: _noting(function, **options)
+    made: Any = _freeze(function, **options)
+    _store.others.add(made)
+    return made
+
+
+_ours = {"freeze": _noting, "flush_kernel_cache": _flushing(dr.flush_kernel_cache)}
+for _name, _function in _ours.items():
+    setattr(dr, _name, _function)
