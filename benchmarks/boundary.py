@@ -4,7 +4,7 @@
 
 pixels: errors of images with and without edges, in single precision, at several numbers of samples
 a pixel. The reference is plain samples in double precision, 1024 a pixel. The plot is written to
-docs/pixels.png if all scenes are measured, else to out/pixels.png (needs the `bench` extra).
+results/pixels.png if all scenes are measured, else to out/pixels.png (needs the `bench` extra).
 
 cost: times with and without edges on the yardstick's scene, in turns.
 
@@ -243,7 +243,7 @@ def main() -> None:
     parts = arguments.parts or ["pixels", "cost"]
     names = arguments.scene or sorted(path.stem for path in SCENES.glob("*.toml"))
     whole = len(names) == len(list(SCENES.glob("*.toml")))
-    folder = HERE.parent / "docs" if whole else Path("out")
+    folder = HERE.parent / "results" if whole else Path("out")
     if "pixels" in parts:
         pixels(names, folder)
     if "cost" in parts:

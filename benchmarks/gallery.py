@@ -36,7 +36,7 @@ def picture(folder: Path, name: str, component: str | None) -> Image.Image:
 
 
 def main() -> None:
-    out = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs/gallery.png"
+    out = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "results/gallery.png"
     with tempfile.TemporaryDirectory() as folder:
         pictures = [picture(Path(folder), *parameter) for parameter in PARAMETERS]
     size = sum(p.width for p in pictures), max(p.height for p in pictures)

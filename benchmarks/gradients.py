@@ -7,8 +7,9 @@ The reference is central differences of images with edges at 441 samples a pixel
 Where these are too coarse to tell whether a derivative is right, pixels get differences of plain
 samples instead, at 8192 to 2097152 points in the pixel.
 
-Each error is written to docs/gradients.csv as soon as it is measured, in place of an older one.
-docs/gradients.png shows what that file holds (needs the `bench` extra). All scenes take some hours.
+Each error is written to results/gradients.csv as soon as it is measured, in place of an older
+one. results/gradients.png shows what that file holds (needs the `bench` extra). All scenes take
+some hours.
 """
 
 import argparse
@@ -24,7 +25,7 @@ from pathlib import Path
 import numpy as np
 from boundary import BOUNDARY, SCENES, panels, relative, save, slope
 
-FOLDER = Path(__file__).parent.parent / "docs"
+FOLDER = Path(__file__).parent.parent / "results"
 TABLE = FOLDER / "gradients.csv"
 COLUMNS = (
     "scene",

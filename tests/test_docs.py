@@ -9,7 +9,7 @@ import pytest
 from whitted.scene import things
 
 ROOT = Path(__file__).parents[1]
-PAGES = sorted(ROOT.glob("docs/*.md")) + [ROOT / "README.md"]
+PAGES = [*sorted(ROOT.glob("docs/*.md")), *sorted(ROOT.glob("*.md")), ROOT / "results/peers.md"]
 
 
 @pytest.mark.parametrize("file", ["shapes/disc.py", "lights/directional.py"])

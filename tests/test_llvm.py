@@ -345,7 +345,7 @@ def test_import_works_without_a_usable_library_but_names_raise(tmp_path, names, 
     code = "import whitted as wt; print(wt.__version__); wt.load_scene"
     done = whitted(fake(tmp_path, *names), code)
     assert done.returncode == 1
-    assert done.stdout == "0.1.0\n"
+    assert done.stdout == "0.2.0\n"
     assert done.stderr.splitlines()[-1].startswith("whitted.llvm.BackendError: no ")
     assert cause in done.stderr
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from .llvm import BackendError, configure
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = [
     "BackendError",
     "Camera",

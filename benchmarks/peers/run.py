@@ -4,7 +4,7 @@
 
 Each peer that is installed runs in a process of its own, with an empty cache. Its first image and
 gradient are timed alone, for the compile time; then all take turns. Writes peers.md and peers.png
-to docs, or to DIR (needs the `bench` extra).
+to results, or to DIR (needs the `bench` extra).
 """
 
 import argparse
@@ -367,9 +367,9 @@ def main() -> None:
         "-o",
         "--output",
         type=Path,
-        default=HERE.parents[1] / "docs",
+        default=HERE.parents[1] / "results",
         metavar="DIR",
-        help="folder for peers.md and peers.png [default: docs]",
+        help="folder for peers.md and peers.png [default: results]",
     )
     arguments = parser.parse_args()
     rows, missing = measure(arguments.rounds)
