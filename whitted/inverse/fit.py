@@ -36,17 +36,17 @@ LINES = 16
 class FitResult:
     """What a fit found."""
 
-    scene: Scene  # the first view's, with the recovered parameters
-    parameters: dict[str, Any]  # name to a number or three
-    # The same for one standard deviation; infinite where the pictures do not tell
+    scene: Scene  #: the first view's, with the recovered parameters
+    parameters: dict[str, Any]  #: name to a number or three
+    #: the same for one standard deviation; infinite where the pictures do not tell
     uncertainty: dict[str, Any]
-    covariance: np.ndarray  # of all numbers, in the order of `labels`
-    labels: list[str]
-    loss: float  # half the mean square of the residuals, at the full resolution
-    gains: np.ndarray  # (views, 3)
-    history: list[Iteration]
-    stopped: str  # why
-    notes: list[str] = field(default_factory=list)
+    covariance: np.ndarray  #: of all numbers, in the order of `labels`
+    labels: list[str]  #: of the numbers, such as "spheres.ball.center.x"
+    loss: float  #: half the mean square of the residuals, at the full resolution
+    gains: np.ndarray  #: of each channel of each view, of shape (views, 3)
+    history: list[Iteration]  #: its iterations, each with its numbers and its loss
+    stopped: str  #: why
+    notes: list[str] = field(default_factory=list)  #: what is noteworthy, in words
 
     def named(self, x: np.ndarray) -> dict[str, Any]:
         """The parameters at an iteration's numbers, for `Scene.replace`."""
