@@ -32,8 +32,10 @@ nb_execution_raise_on_error = True
 nb_execution_timeout = 120
 nb_ipywidgets_js = {}
 
+smartquotes = False
 # In docstrings, `x` is code
 default_role = "literal"
+napoleon_use_rtype = False
 autoclass_content = "both"
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
@@ -43,3 +45,4 @@ nitpick_ignore_regex = [("py:(class|obj|data)", r".*")]
 html_theme = "furo"
 html_title = f"whitted {release}"
 html_show_sourcelink = False
+html_copy_source = False

@@ -42,6 +42,7 @@ OTHERS = {
     "reflection": "weight of the mirrored ray",
     "refraction": "weight of the refracted ray",
     "radius": "of the shape, in the scene's unit of length",
+    "position": "the point where it is",
     "look_at": "a point in the middle of the picture",
 }
 
@@ -78,7 +79,7 @@ def expected(field: Any) -> str:
 def default(field: Any) -> str:
     """A key's default as a file has it."""
     if field.is_required():
-        return "must be given"
+        return "required"
     value = field.default
     if value is None:
         return "none"
@@ -90,14 +91,14 @@ def keys_of(name: str) -> str:
     """The keys of a table, as a table of Markdown."""
     model, kind, described = TABLES[name]
     said = {**arguments_of(described or BY_LIGHT[name]), **OTHERS}
-    lines = ["| key | takes | default | gradient | meaning |", "|---|---|---|:---:|---|"]
+    lines = ["| key | meaning | takes | default | gradient |", "|---|---|---|---|---|"]
     for key, field in model.model_fields.items():
         # Tables within tables have sections of their own
         if key in {"camera", "materials", "lights", "checker", *tables.GROUPS}:
             continue
         mark = "yes" if key in parameters_of(kind) else ""
         takes = expected(field)
-        lines.append(f"| `{key}` | {takes} | {default(field)} | {mark} | {said[key]} |")
+        lines.append(f"| `{key}` | {said[key]} | {takes} | {default(field)} | {mark} |")
     return "\n".join(lines) + "\n"
 
 

@@ -6,7 +6,11 @@ from pathlib import Path
 
 import pytest
 
+import whitted as wt
+from whitted.lights import LIGHTS
 from whitted.scene import things
+from whitted.scene.tables import GROUPS
+from whitted.shapes import SHAPES
 
 ROOT = Path(__file__).parents[1]
 PAGES = [*sorted(ROOT.glob("docs/*.md")), *sorted(ROOT.glob("*.md")), ROOT / "results/peers.md"]
@@ -37,6 +41,33 @@ def test_files_that_are_named_exist(page):
     places = ROOT, ROOT / "whitted", ROOT / "whitted/tracing"
     missing = [name for name in named if not any((place / name).exists() for place in places)]
     assert missing == []
+
+
+def test_examples_of_the_scene_format_are_one_scene():
+    text = (ROOT / "docs/scene_format.md").read_text()
+    scene = wt.parse_scene("\n".join(re.findall(r"```toml\n(.*?)```", text, re.S)))
+    kinds = {type(thing).__name__ for thing in (*scene.shapes, *scene.lights)}
+    assert kinds == {kind.__name__ for kind in (*SHAPES, *LIGHTS.values())}
+
+
+def test_scene_format_has_the_keys_of_every_table():
+    text = (ROOT / "docs/scene_format.md").read_text()
+    names = {"scene", "camera", "materials", "checker", *GROUPS, *LIGHTS}
+    included = re.findall(r"\{include\} _generated/keys-(\w+)\.md", text)
+    assert sorted(included) == sorted(names)
+
+
+def test_reference_has_every_public_name():
+    text = (ROOT / "docs/api.md").read_text()
+    listed = re.findall(r"\.\. auto\w+:: (\w+)", text)
+    assert sorted([*listed, "__version__"]) == sorted(wt.__all__)
+
+
+def test_every_page_is_in_the_contents():
+    text = (ROOT / "docs/index.md").read_text()
+    contents = " ".join(re.findall(r"```\{toctree\}\n(.*?)```", text, re.S)).split()
+    pages = {page.stem for page in ROOT.glob("docs/*.md")} - {"index"}
+    assert pages <= set(contents)
 
 
 def test_architecture_has_every_room():
