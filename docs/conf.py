@@ -29,7 +29,7 @@ myst_heading_anchors = 3
 # The tutorial runs at each build
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
-nb_execution_timeout = 120
+nb_execution_timeout = 600
 nb_ipywidgets_js = {}
 
 smartquotes = False
