@@ -53,7 +53,7 @@ def render_samples(
     dr.make_opaque(parameters)
     wrt = {name: value for name, value in parameters.items() if dr.grad_enabled(value)}
     still = dr.detach(parameters) if wrt else parameters
-    about = scene, still, size, max_depth or scene.max_depth, side, progress
+    about = scene, still, size, int(max_depth or scene.max_depth), side, progress
     job = BoundaryJob(*about, terms, keep=bool(wrt)) if boundary else Job(*about)
     with LOCK:
         image = job.image()

@@ -26,7 +26,7 @@ class CameraFrame:
 def camera_frame(camera: Camera, aspect: Array) -> CameraFrame:
     """The camera's frame for an image of the given width / height."""
     forward = dr.normalize(camera.look_at - camera.position)
-    right = dr.normalize(dr.cross(forward, camera.up))
+    right = dr.normalize(dr.cross(forward, type(forward)(camera.up)))
     half_height = dr.tan(dr.deg2rad(camera.fov) / 2)
     up = dr.cross(right, forward)
     return CameraFrame(camera.position, forward, right * (half_height * aspect), up * half_height)
