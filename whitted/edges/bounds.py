@@ -14,8 +14,14 @@ import numpy as np
 from .pairs import Moves
 from .settings import LEAST_CUT
 
-# Takes pixels, and returns the least and the greatest radiance of the samples in each: (3, N)
-RangeOf = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+# Takes pixels and their radiance before edges moved anything, (3, N). Returns the least and the
+# greatest radiance of the samples in each, which may be arrays to be changed
+RangeOf = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def numbers_of(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """The channels of some pixels of a flat image: (3, N)."""
+    return image.take(3 * pixels.astype(np.intp) + np.arange(3)[:, None])
 
 
 def cut_off(
@@ -25,7 +31,7 @@ def cut_off(
 
     Args:
         image: flat, with RGB interleaved; it is changed.
-        start: the image before edges moved anything.
+        start: (2, 3, N), the pixels of the moves before edges moved anything.
         moves: what edges have moved.
 
     Returns:
@@ -33,28 +39,30 @@ def cut_off(
     """
     behind = moves.before - moves.jump
     least, most = np.minimum(moves.before, behind), np.maximum(moves.before, behind)
-    values, first = image.reshape(-1, 3).T, start.reshape(-1, 3).T
     # Most pixels lie between what one of their edges has on its two sides
     suspects = []
-    for ends in moves.pixel:
-        here = np.flatnonzero(ends >= 0)
-        value, own = values.take(ends.take(here), 1), first.take(ends.take(here), 1)
-        low = np.minimum(own, least.take(here, 1))
-        high = np.maximum(own, most.take(here, 1))
-        suspects.append(ends.take(here[((value < low) | (value > high)).any(0)]))
+    for ends, own in zip(moves.pixel, start, strict=True):
+        value = numbers_of(image, ends)
+        outside = (value < np.minimum(own, least)) | (value > np.maximum(own, most))
+        suspects.append(ends[(outside[0] | outside[1] | outside[2]) & (ends >= 0)])
     pixels = np.unique(np.concatenate(suspects))
     if not pixels.size:
         return None
-    low, high = own_range(pixels)
-    for ends in moves.pixel:
+    # Which of the moves these pixels are in
+    before, found = np.empty((3, pixels.size), image.dtype), []
+    for ends, own in zip(moves.pixel, start, strict=True):
         place = np.minimum(np.searchsorted(pixels, ends), pixels.size - 1)
         here = np.flatnonzero(pixels.take(place) == ends)
+        before[:, place[here]] = own[:, here]
+        found.append((place[here], here))
+    low, high = own_range(pixels, before)
+    for place, here in found:
         for channel in range(3):
-            np.minimum.at(low[channel], place.take(here), least[channel].take(here))
-            np.maximum.at(high[channel], place.take(here), most[channel].take(here))
-    value = values.take(pixels, 1)
+            np.minimum.at(low[channel], place, least[channel, here])
+            np.maximum.at(high[channel], place, most[channel, here])
+    value = numbers_of(image, pixels)
     inside = np.clip(value, low, high)
-    values[:, pixels] = inside
+    image.reshape(-1, 3)[pixels] = inside.T
     # Rounding alone cuts nothing off
     far = np.abs(value - inside) > LEAST_CUT * (high - low)
     if not far.any():

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -10,7 +9,7 @@ from ..core.arrays import Array
 from ..core.host import chunks, stacked, to_numpy
 from ..sampling.band import Band
 from . import kernels, settings
-from .bounds import cut_off
+from .bounds import cut_off, numbers_of
 from .found import Crossed, Found, columns_of
 from .grid import (
     Samples,
@@ -191,15 +190,15 @@ class _Search:
         rounds = [concatenated(moves) for moves in self.moves.values()]
         if not rounds:
             return
-        start = self.image.copy()
+        every = concatenated(rounds)
+        start = np.stack([numbers_of(self.image, ends) for ends in every.pixel])
         for moves in rounds:
             deposit(self.image, moves.pixel, *(moves.moved * channel for channel in moves.jump))
-        self.cut = cut_off(self.image, start, concatenated(rounds), partial(self.range_of, start))
+        self.cut = cut_off(self.image, start, every, self.range_of)
 
-    def range_of(self, start: np.ndarray, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def range_of(self, pixels: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The least and the greatest radiance of the samples in some pixels, each (3, N)."""
-        low = start.reshape(-1, 3).T.take(pixels, 1)
-        high = low.copy()
+        low, high = start, start.copy()
         again = np.isin(pixels, self.refined, assume_unique=True)
         if again.any():
             own = np.searchsorted(self.refined, pixels[again])
@@ -212,10 +211,8 @@ class _Search:
         """The range of the regular samples of some pixels, which are traced again."""
         x, y = regular_samples(pixels, self.band.side, self.band.resolution[0])
         place = self.band.lanes(x.ravel(), y.ravel() + self.band.first_row)
-        color = stacked(
-            to_numpy(kernels.labelled_samples(*self.band.inputs, *place)[0]), slice(x.size)
-        )
-        seen = color.reshape(3, *x.shape)
+        color, _ = kernels.labelled_samples(*self.band.inputs, *place)
+        seen = stacked(to_numpy(color), slice(x.size)).reshape(3, *x.shape)
         return seen.min(1), seen.max(1)
 
 
