@@ -31,15 +31,17 @@ def test_pixel_is_cut_off_at_what_it_saw():
     image = np.repeat([-0.2, 0.75, 0.5], 3)
     start = np.repeat([[[1, 0.5, 0.5]], [[0, 0, 0]]], 3, 1)
     edges = moves([[0, 1, 2], [-1, -1, -1]], np.zeros((2, 3)), [1, 0.5, 1], [0.25, 0.25, 0])
-    cut = cut_off(image, start, edges, lambda pixels, own: (own, own.copy()))
+    pixels, channels = cut_off(image, start, edges, lambda pixels, own: (own, own.copy()))
     np.testing.assert_array_equal(image[::3], [0.25, 0.5, 0.5])
-    np.testing.assert_array_equal(cut[::3], [True, True, False])
+    np.testing.assert_array_equal(pixels, [0, 1])
+    assert channels.all()
 
 
 def test_rounding_cuts_off_no_derivative():
     image, start = np.full(3, 1 + 1e-9), np.ones((2, 3, 1))
     edges = moves([[0], [-1]], np.zeros((2, 1)), [1], [0])
-    assert cut_off(image, start, edges, lambda pixels, own: (own, own.copy())) is None
+    pixels, _ = cut_off(image, start, edges, lambda pixels, own: (own, own.copy()))
+    assert not pixels.size
     np.testing.assert_array_equal(image, 1)
 
 
@@ -77,10 +79,11 @@ def test_a_pixel_that_is_cut_off_does_not_follow_its_edges(monkeypatch):
 
     monkeypatch.setattr(search, "cut_off", recorded)
     name = next(name for name in loaded.parameters() if name.endswith(".center"))
-    slope = gradient(loaded, name, "x", terms="boundary").numpy().ravel()
-    assert seen["cut"].any()
-    assert (slope[seen["cut"]] == 0).all()
-    assert (slope[~seen["cut"]] != 0).any()
+    slope = gradient(loaded, name, "x", terms="boundary").numpy().reshape(-1, 3)
+    pixels, channels = seen["cut"]
+    assert pixels.size
+    assert (slope[pixels][channels.T] == 0).all()
+    assert (slope != 0).any()
 
 
 def test_search_in_parts_is_the_search_in_one(load, monkeypatch, precision):

@@ -18,15 +18,16 @@ from .settings import LEAST_CUT
 # greatest radiance of the samples in each, which may be arrays to be changed
 RangeOf = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
+# Pixels that were cut off, in order, and (3, N) Bool: this channel was
+Cut = tuple[np.ndarray, np.ndarray]
+
 
 def numbers_of(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     """The channels of some pixels of a flat image: (3, N)."""
     return image.take(3 * pixels.astype(np.intp) + np.arange(3)[:, None])
 
 
-def cut_off(
-    image: np.ndarray, start: np.ndarray, moves: Moves, own_range: RangeOf
-) -> np.ndarray | None:
+def cut_off(image: np.ndarray, start: np.ndarray, moves: Moves, own_range: RangeOf) -> Cut:
     """Cut an image's numbers off at what was seen in and around their pixels.
 
     Args:
@@ -35,7 +36,7 @@ def cut_off(
         moves: what edges have moved.
 
     Returns:
-        Bool, in the shape of the image: the number was cut off; None if none was.
+        The pixels that were cut off, in order, and (3, N) Bool: this channel was.
     """
     behind = moves.before - moves.jump
     least, most = np.minimum(moves.before, behind), np.maximum(moves.before, behind)
@@ -47,7 +48,7 @@ def cut_off(
         suspects.append(ends[(outside[0] | outside[1] | outside[2]) & (ends >= 0)])
     pixels = np.unique(np.concatenate(suspects))
     if not pixels.size:
-        return None
+        return pixels, np.zeros((3, 0), bool)
     # Which of the moves these pixels are in
     before, found = np.empty((3, pixels.size), image.dtype), []
     for ends, own in zip(moves.pixel, start, strict=True):
@@ -65,8 +66,5 @@ def cut_off(
     image.reshape(-1, 3)[pixels] = inside.T
     # Rounding alone cuts nothing off
     far = np.abs(value - inside) > LEAST_CUT * (high - low)
-    if not far.any():
-        return None
-    cut = np.zeros((len(image) // 3, 3), bool)
-    cut[pixels] = far.T
-    return cut.ravel()
+    cut = far.any(0)
+    return pixels[cut], far[:, cut]

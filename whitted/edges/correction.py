@@ -18,6 +18,7 @@ from ..sampling.film import Film
 from ..scene.structure import Structure
 from ..tracing.node import Limits
 from . import kernels, settings
+from .bounds import Cut
 from .events import Event
 from .motion import Edge
 from .paths import Path
@@ -29,6 +30,8 @@ TERMS = ("both", "interior", "boundary")
 Columns = dict[str, np.ndarray]
 FilmInputs = tuple[Structure, Parameters, Film, Limits, Parameters]
 Part = TypeVar("Part", Path, Event)
+# The fields of `MovingPoints` but for `edge`
+COLUMNS = ("x", "y", "pixel", "change", "jump")
 # Fields of materials that weigh rays
 WEIGHTS = (".reflection", ".refraction")
 
@@ -44,6 +47,21 @@ class MovingPoints:
     jump: np.ndarray  # (3, N)
     edge: Columns
 
+    def some(self, which: np.ndarray) -> "MovingPoints":
+        """Some of the points, by number."""
+        edge = {name: column.take(which) for name, column in self.edge.items()}
+        columns = {name: getattr(self, name).take(which, -1) for name in COLUMNS}
+        return MovingPoints(**columns, edge=edge)
+
+    def of_one_pixel(self, k: int, cut: Cut) -> "MovingPoints":
+        """The points as far as they change their pixel k, in channels that were not cut off."""
+        pixels, channels = cut
+        place = np.minimum(np.searchsorted(pixels, self.pixel[k]), pixels.size - 1)
+        here = (pixels.take(place) == self.pixel[k]) & channels[:, place]
+        only = (np.arange(2) == k)[:, None]
+        pixel, change = np.where(only, self.pixel, -1), np.where(only, self.change, 0)
+        return replace(self, pixel=pixel, change=change, jump=np.where(here, 0, self.jump))
+
 
 @dataclass
 class Correction:
@@ -54,8 +72,6 @@ class Correction:
     weights: Array | None = None
     extra: list[Extra] = field(default_factory=list)
     edges: list[MovingPoints] = field(default_factory=list)
-    # Bool: these numbers of the pixels do not follow edges, since they are cut off
-    cut: np.ndarray | None = None
 
     def by_weight(self, wrt: Parameters) -> tuple[Parameters, Parameters]:
         """The parameters `wrt` in two parts, the second for weights that are very small.
@@ -126,15 +142,12 @@ class Correction:
             deposit(image, extra.pixel, *(stacked(slope, slice(len(extra.x))) * extra.weight))
 
     def _add_boundary(self, image: np.ndarray, wrt: Parameters, tangents: Parameters) -> None:
-        moved = image if self.cut is None else np.zeros_like(image)
         for edges in self.edges:
             place = self.band.lanes(edges.x, edges.y)
             inputs = *self.band.inputs, wrt, tangents, *place, _edge(edges.edge)
             slope = kernels.levels_jvp(*inputs).numpy()[: len(edges.x)]
             channels = (edges.change * (channel * slope) for channel in edges.jump)
-            deposit(moved, edges.pixel, *channels)
-        if self.cut is not None:
-            image += np.where(self.cut, 0, moved)
+            deposit(image, edges.pixel, *channels)
 
     def adjoint(self, wrt: Parameters, image: Array, terms: str) -> Parameters:
         """The derivatives of dot(image, pixels) by the parameters `wrt`."""
@@ -163,14 +176,19 @@ class Correction:
         self, wrt: Parameters, image: Array
     ) -> Iterator[Callable[[], Parameters]]:
         band = self.band
-        if self.cut is not None:
-            image = to_array(np.where(self.cut, 0, image.numpy()).astype(band.dtype), len(self.cut))
         for edges in self.edges:
             changed = ad.Array2u(*band.lanes(*_unsigned(edges.pixel)))
             change = band.structure.precision.vector2(*band.lanes(*edges.change))
             place = band.lanes(edges.x, edges.y)
             points_on_edges = changed, change, band.color(edges.jump), *place, _edge(edges.edge)
             yield partial(kernels.levels_vjp, *band.inputs, wrt, image, *points_on_edges)
+
+
+def joined(parts: list[MovingPoints]) -> MovingPoints:
+    """Several sets of points as one."""
+    edge = {name: np.concatenate([p.edge[name] for p in parts]) for name in parts[0].edge}
+    columns = {name: np.concatenate([getattr(p, name) for p in parts], -1) for name in COLUMNS}
+    return MovingPoints(**columns, edge=edge)
 
 
 def _unsigned(pixel: np.ndarray) -> np.ndarray:

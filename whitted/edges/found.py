@@ -9,14 +9,15 @@ import numpy as np
 from ..core.arrays import Array
 from ..sampling.band import Band
 from . import settings
-from .correction import Columns, Correction, MovingPoints
+from .bounds import Cut
+from .correction import Columns, Correction, MovingPoints, joined
 from .events import Kind
 from .grid import Samples
 from .motion import Edge
 from .pairs import Crossings, Pairs, walk_order
 from .quadrature import Extra, intervals_beside, samples_beside
 from .steep import attenuated
-from .tables import deposit, rows_of
+from .tables import concatenated, deposit, rows_of
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class Found:
     fine: Samples | None  # their samples
     crossed: list[Crossed]
     lost: np.ndarray  # numbers of samples beside which there are edges that were not found
-    cut: np.ndarray | None  # Bool: numbers of pixels that were cut off (`bounds.py`)
+    cut: Cut
 
     @cached_property
     def correction(self) -> Correction:
@@ -47,7 +48,7 @@ class Found:
         It is made when the first derivative asks for it. Kernels of what comes after the image may
         be running meanwhile.
         """
-        band, result = self.band, Correction(self.band, cut=self.cut)
+        band, result = self.band, Correction(self.band)
         # The part of each sample that edges take away, by the number of the sample
         shape = (band.rows + 2) * band.side, (band.resolution[0] + 2) * band.side
         first = shape[0] * shape[1]
@@ -58,14 +59,17 @@ class Found:
         marked = np.concatenate(ends, 1)
         for crossed in self.crossed:
             result.extra += self._beside(crossed, marked, taken)
-            result.edges.append(_moving(crossed))
+            result.edges.append(_moving(crossed, self.cut))
         # The derivative of such a sample lacks that of the edges, which may nearly cancel it
         taken[self.lost] = 1
         if self.fine is not None:
             result.extra.append(_inside(self.fine, 1 - taken[first:]))
-        pixels = self.image.reshape(-1, 3)
-        brightness = np.maximum(np.maximum(pixels[:, 0], pixels[:, 1]), pixels[:, 2])
-        result.extra = [attenuated(band, extra, brightness) for extra in result.extra]
+        if self.fine is not None:
+            # Slivers are where edges crowd
+            whole = concatenated(result.extra)
+            crowded = np.isin(whole.pixel, self.refined)
+            steep = attenuated(band, rows_of(whole, np.flatnonzero(crowded)), self.image)
+            result.extra = [rows_of(whole, np.flatnonzero(~crowded)), steep]
         result.weights = self._weights(taken[:first].reshape(shape))
         return result
 
@@ -112,13 +116,22 @@ def _inside(fine: Samples, weight: np.ndarray) -> Extra:
     return rows_of(Extra(*columns, not_beside, order, size, size), inside)
 
 
-def _moving(crossed: Crossed) -> MovingPoints:
-    """The edges of a chunk as points that move."""
+def _moving(crossed: Crossed, cut: Cut) -> MovingPoints:
+    """The edges of a chunk as points that move.
+
+    A pixel that was cut off does not follow its edges. The points beside one change one pixel each.
+    """
     found, here = crossed.crossings, rows_of(crossed.pairs, crossed.crossings.pair)
     x = here.x + np.where(here.vertical, 0, found.along)
     y = here.y + np.where(here.vertical, found.along, 0)
     change = found.change * (here.pixel >= 0)
-    return MovingPoints(x, y, here.pixel, change, found.jump, crossed.edge)
+    points = MovingPoints(x, y, here.pixel, change, found.jump, crossed.edge)
+    beside = np.isin(here.pixel, cut[0]).any(0)
+    if not beside.any():
+        return points
+    both, one = np.flatnonzero(~beside), np.flatnonzero(beside)
+    parts = [points.some(both), *(points.some(one).of_one_pixel(k, cut) for k in range(2))]
+    return joined(parts)
 
 
 def columns_of(edge: Edge, which: np.ndarray) -> Columns:

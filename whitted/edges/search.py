@@ -9,7 +9,7 @@ from ..core.arrays import Array
 from ..core.host import chunks, stacked, to_numpy
 from ..sampling.band import Band
 from . import kernels, settings
-from .bounds import cut_off, numbers_of
+from .bounds import Cut, cut_off, numbers_of
 from .found import Crossed, Found, columns_of
 from .grid import (
     Samples,
@@ -100,7 +100,7 @@ class _Search:
         self.crossed: list[Crossed] = []  # one for each chunk of pairs
         # Single samples beside edges that are not found. With more samples such edges are slight
         self.lost: list[np.ndarray] = [np.zeros(0, np.int64)]
-        self.cut: np.ndarray | None = None  # of `cut_off`
+        self.cut: Cut = np.zeros(0, np.int64), np.zeros((3, 0), bool)
 
     def run(self, a: np.ndarray, b: np.ndarray, ends: np.ndarray) -> None:
         """Correct the image.

@@ -27,7 +27,7 @@ FAR_CELLS = 16
 # How often the rest of a segment is searched for more edges, with several samples a pixel and with
 # one. Glass mirrors all that is around it, so segments beside its outline often cross dozens of
 # edges. With one sample a pixel the last of them are not worth their cost.
-ROUNDS, ROUNDS_OF_SINGLE_SAMPLES = 24, 4
+ROUNDS, ROUNDS_OF_SINGLE_SAMPLES = 24, 3
 # Steps to the root of a level function, at most. Nearly all take 3 to 6.
 ROOT_STEPS = 20
 # A root is found when a step is below this part of the segment. That is finer than GAP.

@@ -15,16 +15,17 @@ import numpy as np
 from ..core.host import chunks, stacked, to_numpy
 from ..sampling.band import Band
 from . import kernels
+from .bounds import numbers_of
 from .quadrature import Extra
 from .settings import SAMPLES, SLIVER, STEEP, STEP_ASIDE
 from .tables import rows_of
 
 
-def attenuated(band: Band, extra: Extra, brightness: np.ndarray) -> Extra:
+def attenuated(band: Band, extra: Extra, image: np.ndarray) -> Extra:
     """The samples with less weight where radiance is steep.
 
     Args:
-        brightness: of each pixel of the band.
+        image: the band's pixels, flat.
     """
     factors = [np.ones(0)]
     for part in chunks(len(extra.x), SAMPLES // 4):
@@ -36,7 +37,7 @@ def attenuated(band: Band, extra: Extra, brightness: np.ndarray) -> Extra:
         smooth, size = label[::2] == label[1::2], np.stack([some.width, some.height])
         change = np.where(smooth, np.abs(color[:, ::2] - color[:, 1::2]).max(0), 0)
         change *= size / (2 * STEP_ASIDE)
-        most = np.maximum(brightness.take(some.pixel), color.max((0, 1)))
+        most = np.maximum(numbers_of(image, some.pixel).max(0), color.max((0, 1)))
         factor = np.minimum(1, STEEP * most / np.maximum(np.hypot(*change), 1e-30))
         if band.side == 1:
             # So close an edge in so large a cell: the sample is in a sliver
