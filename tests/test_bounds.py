@@ -4,7 +4,7 @@ import drjit as dr
 import numpy as np
 import pytest
 from gradcheck import image_error
-from samples import FLOOR, LIGHT, camera, keys, material, plane, scene, three
+from samples import FLOOR, LIGHT, camera, keys, light, material, plane, scene, sphere, three
 
 from whitted import gradient, load_scene, render
 from whitted.edges import search, settings
@@ -84,6 +84,31 @@ def test_a_pixel_that_is_cut_off_does_not_follow_its_edges(monkeypatch):
     assert pixels.size
     assert (slope[pixels][channels.T] == 0).all()
     assert (slope != 0).any()
+
+
+@pytest.mark.slow
+def test_one_sample_a_pixel_tells_more_than_nothing(load):
+    """Three mirrors that see each other and a chequered floor, by the place of one of them.
+
+    An answer of 0 is wrong by 1. Samples as they are are worse: a few of them lie on streaks that
+    are a hundredth of a pixel wide.
+    """
+    chrome = material("chrome", color=[0.05] * 3, specular=0.5, shininess=60, reflection=0.8)
+    tiles = {"color": [0.2, 0.2, 0.25], "size": 0.5}
+    parts = (
+        keys(background=[0.2, 0.3, 0.5], max_depth=6),
+        camera([0.1, 0.9, 4.2], [0, 0.1, 0], fov=38, resolution=(96, 64)),
+        chrome,
+        material("floor", color=[0.5] * 3, reflection=0.3, checker=tiles),
+        plane([0, 1, 0], 0.5, "floor"),
+        sphere([-0.62, 0.02, 0.0], 0.5, "chrome"),
+        sphere([0.62, 0.05, -0.2], 0.55, "chrome"),
+        sphere([0.0, -0.2, 0.75], 0.28, "chrome"),
+        light([-1.5, 3, 2.5], [0.9, 0.9, 0.9]),
+    )
+    loaded = load("".join(parts), "single")
+    one, many = (gradient(loaded, "spheres.sphere0.center", "x", spp).numpy() for spp in (1, 16))
+    assert image_error(one, many) < 0.7
 
 
 def test_search_in_parts_is_the_search_in_one(load, monkeypatch, precision):

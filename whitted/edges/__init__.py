@@ -37,6 +37,10 @@ The method, on the regular grid of samples with spacing h:
    term bounded: g_x^3 / (g_x^4 + g_y^4) <= 1.14 / |g|.
 6. A pixel with three labels or more around it has edges that meet or crowd. It is sampled anew,
    more finely, with the same method (`refinement.py`; adaptive subdivision: Whitted 1980).
+7. What edges moved into a pixel and out of it is cut off at the range of the radiance that the
+   pixel's samples saw (`bounds.py`).
+8. In derivatives, a sample on a streak that is narrower than its cell counts for less (`steep.py`).
+   With one sample a pixel, a sample beside an edge that was not found does not count.
 
 The cost follows the number of edges. Each costs a few chains of rays, and those parts of four trees
 of rays that weigh enough to have an edge.
