@@ -214,7 +214,7 @@ def check_colors(path, derivative):
     [
         (
             ["--wrt", "ambient"],
-            "component: expected x, y or z (red, green or blue of a colour) for the vector "
+            "component: expected x, y or z (for red, green or blue of a colour) for the vector "
             "'ambient', got none",
         ),
         (

@@ -135,7 +135,7 @@ def test_progress_counts_to_one_once(load):
 @pytest.mark.parametrize("component", [None, "", "w", "xy", "X"])
 def test_vector_needs_a_component(load, component):
     message = (
-        r"^component: expected x, y or z \(red, green or blue of a colour\) "
+        r"^component: expected x, y or z \(for red, green or blue of a colour\) "
         rf"for the vector 'ambient', got {component or 'none'}$"
     )
     with pytest.raises(ValueError, match=message):

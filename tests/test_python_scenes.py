@@ -329,6 +329,7 @@ def test_add_and_remove_make_new_scenes():
         ("bal", "the scene has nothing called 'bal'; nearest: ball"),
         ("zzz", "the scene has nothing called 'zzz'; nearest: spheres.ball, spheres.key, planes"),
         ("key", "'key' may be spheres.key or lights.key; give one of these"),
+        (3, r"expected the name of a thing, as in remove\('ball'\), got 3"),
     ],
 )
 def test_remove_tells_what_it_does_not_find(name, message):

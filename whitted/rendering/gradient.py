@@ -72,7 +72,7 @@ def _unit(name: str, value: Array, component: str | None) -> Array:
             raise ValueError(f"component: expected none for the number '{name}', got {component}")
         return type(value)(1)
     if component not in COMPONENTS:
-        expected = "x, y or z (red, green or blue of a colour)"
+        expected = "x, y or z (for red, green or blue of a colour)"
         raise ValueError(
             f"component: expected {expected} for the vector '{name}', got {component or 'none'}"
         )

@@ -84,6 +84,8 @@ def removed(tables: Tables, name: str) -> Tables:
     Raises:
         KeyError: there is no such thing, or there are several.
     """
+    if not isinstance(name, str):
+        raise KeyError(f"expected the name of a thing, as in remove('ball'), got {name!r}")
     places = list(_places(tables))
     found = [each for each in places if name in (f"{each[0]}.{each[1]}", each[1])]
     if len(found) != 1:
