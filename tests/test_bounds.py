@@ -90,8 +90,8 @@ def test_a_pixel_that_is_cut_off_does_not_follow_its_edges(monkeypatch):
 def test_one_sample_a_pixel_tells_more_than_nothing(load):
     """Three mirrors that see each other and a chequered floor, by the place of one of them.
 
-    An answer of 0 is wrong by 1. Samples as they are are worse: a few of them lie on streaks that
-    are a hundredth of a pixel wide.
+    An answer of 0 is wrong by 1. Were each sample to count in full, a few that lie on streaks much
+    narrower than a pixel would make the answer worse than that.
     """
     chrome = material("chrome", color=[0.05] * 3, specular=0.5, shininess=60, reflection=0.8)
     tiles = {"color": [0.2, 0.2, 0.25], "size": 0.5}

@@ -27,6 +27,12 @@ def numbers_of(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     return image.take(3 * pixels.astype(np.intp) + np.arange(3)[:, None])
 
 
+def places_among(pixels: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where numbers are among some pixels, in order, at least one; and Bool: they are."""
+    place = np.minimum(np.searchsorted(pixels, ends), pixels.size - 1)
+    return place, pixels.take(place) == ends
+
+
 def cut_off(image: np.ndarray, start: np.ndarray, moves: Moves, own_range: RangeOf) -> Cut:
     """Cut an image's numbers off at what was seen in and around their pixels.
 
@@ -52,8 +58,8 @@ def cut_off(image: np.ndarray, start: np.ndarray, moves: Moves, own_range: Range
     # Which of the moves these pixels are in
     before, found = np.empty((3, pixels.size), image.dtype), []
     for ends, own in zip(moves.pixel, start, strict=True):
-        place = np.minimum(np.searchsorted(pixels, ends), pixels.size - 1)
-        here = np.flatnonzero(pixels.take(place) == ends)
+        place, known = places_among(pixels, ends)
+        here = np.flatnonzero(known)
         before[:, place[here]] = own[:, here]
         found.append((place[here], here))
     low, high = own_range(pixels, before)

@@ -18,7 +18,7 @@ from ..sampling.film import Film
 from ..scene.structure import Structure
 from ..tracing.node import Limits
 from . import kernels, settings
-from .bounds import Cut
+from .bounds import Cut, places_among
 from .events import Event
 from .motion import Edge
 from .paths import Path
@@ -56,8 +56,8 @@ class MovingPoints:
     def of_one_pixel(self, k: int, cut: Cut) -> "MovingPoints":
         """The points as far as they change their pixel k, in channels that were not cut off."""
         pixels, channels = cut
-        place = np.minimum(np.searchsorted(pixels, self.pixel[k]), pixels.size - 1)
-        here = (pixels.take(place) == self.pixel[k]) & channels[:, place]
+        place, known = places_among(pixels, self.pixel[k])
+        here = known & channels[:, place]
         only = (np.arange(2) == k)[:, None]
         pixel, change = np.where(only, self.pixel, -1), np.where(only, self.change, 0)
         return replace(self, pixel=pixel, change=change, jump=np.where(here, 0, self.jump))

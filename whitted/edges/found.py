@@ -64,7 +64,6 @@ class Found:
         taken[self.lost] = 1
         if self.fine is not None:
             result.extra.append(_inside(self.fine, 1 - taken[first:]))
-        if self.fine is not None:
             # Slivers are where edges crowd
             whole = concatenated(result.extra)
             crowded = np.isin(whole.pixel, self.refined)
