@@ -182,6 +182,183 @@ def test_any_scene_is_read_back_as_it_was(tmp_path_factory, numbers, others, pre
     saved(scene.replace(others), path)
 
 
+# What a user writes by hand: comments above, behind and between tables
+COMMENTED = """# My scene
+
+background = [0, 0, 0]
+
+# The eye
+[camera]
+position = [0, 0, 4]
+look_at = [0, 0, 0]
+fov = 50
+resolution = [8, 8]
+
+# Like paper
+[materials.white]
+color = [0.8, 0.8, 0.8]
+# specular = 0.1
+
+# A mirror
+[materials.mirror]
+reflection = 1
+
+# --- the balls ---
+
+# the left one,
+# which is small
+[[spheres]]
+name = "left"
+center = [-1, 0, 0]
+radius = 0.3
+material = "white"
+
+# the right one
+[[spheres]]
+name = "right"
+center = [1, 0, 0]
+radius = 0.5  # a half
+material = "mirror"
+
+# the floor
+[[planes]]
+normal = [0, 1, 0]
+offset = 1
+material = "white"
+
+# over the eye
+[[lights]]
+position = [0, 3, 4]
+intensity = [1, 1, 1]
+# the end
+"""
+LEFT = """# the left one,
+# which is small
+[[spheres]]
+name = "left"
+center = [-1, 0, 0]
+radius = 0.3
+material = "white"
+
+"""
+RIGHT = """# the right one
+[[spheres]]
+name = "right"
+center = [1, 0, 0]
+radius = 0.5  # a half
+material = "mirror"
+
+"""
+MORE = wt.Sphere("more", center=(0, 2, 0), radius=1, material="white")
+ADDED = """[[spheres]]
+name = "more"
+center = [0.0, 2.0, 0.0]
+radius = 1.0
+material = "white"
+
+"""
+
+
+def left_again(scene):
+    """The first ball, removed and added."""
+    (left,) = (own for own in scene.to_dict()["spheres"] if own["name"] == "left")
+    return scene.remove("left").add(wt.Sphere(**left))
+
+
+# Changes, and what each puts where in the text
+REARRANGED = {
+    "the first of two goes": (lambda scene: scene.remove("left"), [(LEFT, "")]),
+    "the last of two goes": (lambda scene: scene.remove("right"), [(RIGHT, "")]),
+    "both go": (lambda scene: scene.remove("left", "right"), [(LEFT, ""), (RIGHT, "")]),
+    "the last of all goes": (
+        lambda scene: scene.remove("light0"),
+        [(COMMENTED[COMMENTED.index("\n# over the eye") :], "")],
+    ),
+    "one more": (lambda scene: scene.add(MORE), [(RIGHT, RIGHT + ADDED)]),
+    "one goes, and one comes": (
+        lambda scene: scene.remove("left").add(MORE),
+        [(LEFT, ""), (RIGHT, RIGHT + ADDED)],
+    ),
+    "one goes, and comes again": (left_again, [(LEFT, ""), (RIGHT, RIGHT + LEFT)]),
+    "the last one goes, and comes again": (
+        lambda scene: scene.remove("light0").add(
+            wt.PointLight("light0", position=(0, 3, 4), intensity=(1, 1, 1))
+        ),
+        [],
+    ),
+    "one comes again after another": (
+        lambda scene: left_again(scene.add(MORE)),
+        [(LEFT, ""), (RIGHT, RIGHT + ADDED + LEFT)],
+    ),
+    "the first of a kind": (
+        lambda scene: scene.add(
+            wt.Disc("table", center=(0, 0, 0), normal=(0, 1, 0), radius=1, material="white")
+        ),
+        [
+            (
+                "# the end\n",
+                '# the end\n\n[[discs]]\nname = "table"\ncenter = [0.0, 0.0, 0.0]\n'
+                'normal = [0.0, 1.0, 0.0]\nradius = 1.0\nmaterial = "white"\n',
+            )
+        ],
+    ),
+    "a material more": (
+        lambda scene: scene.add(wt.Material("red", color=(1, 0, 0))),
+        [("reflection = 1\n", "reflection = 1\n\n[materials.red]\ncolor = [1.0, 0.0, 0.0]\n")],
+    ),
+    "a material less": (
+        lambda scene: scene.remove("right", "mirror"),
+        [(RIGHT, ""), ("# A mirror\n[materials.mirror]\nreflection = 1\n\n", "")],
+    ),
+    "a key more": (
+        lambda scene: scene.replace({"materials.white.ior": 2}),
+        [("# specular = 0.1\n", "# specular = 0.1\nior = 2.0\n")],
+    ),
+    "a key before all tables": (
+        lambda scene: scene.replace({"max_depth": 2}),
+        [("background = [0, 0, 0]\n", "background = [0, 0, 0]\nmax_depth = 2\n")],
+    ),
+}
+
+
+@pytest.mark.parametrize("change", REARRANGED)
+def test_comments_stay_with_their_table(tmp_path, change):
+    edit, changes = REARRANGED[change]
+    expected = COMMENTED
+    for before, after in changes:
+        assert before in expected
+        expected = expected.replace(before, after)
+    assert saved(edit(wt.parse_scene(COMMENTED)), tmp_path / "a.toml") == expected
+
+
+BARE = f"# bare\n{TEXT[TEXT.index('[camera]') : TEXT.index('[[planes]]')]}"
+
+
+def test_a_file_without_keys_before_its_tables_gets_one(tmp_path):
+    scene = wt.parse_scene(BARE.removeprefix("# bare\n"))
+    text = saved(scene.replace({"max_depth": 2}), tmp_path / "a.toml")
+    assert text.startswith("max_depth = 2\n\n[camera]\n")
+    text = saved(wt.parse_scene(BARE).replace({"max_depth": 2}), tmp_path / "a.toml")
+    assert text.startswith("max_depth = 2\n\n# bare\n[camera]\n")
+
+
+def test_a_file_may_begin_with_what_is_removed(tmp_path):
+    light = "[[lights]]\nposition = [1, 1, 1]\nintensity = [1, 1, 1]\n\n"
+    scene = wt.parse_scene(light + BARE)
+    assert saved(scene.remove("light0"), tmp_path / "a.toml") == BARE.rstrip("\n") + "\n\n"
+
+
+def test_values_over_several_lines_are_no_headers(tmp_path):
+    text = BARE.replace("center = [0, 0, 0] ", "center = [\n  # x, y, z\n  0,\n  0, 0\n]")
+    scene = wt.parse_scene(text.replace("resolution = [8, 8]", "resolution = [\n8,\n8]"))
+    assert "# x, y, z" in saved(scene.remove("b.c"), tmp_path / "a.toml")
+    nested = (
+        CAMERA + 'spheres = [\n# one\n{ center = [\n0, 0, 0], radius = 1, material = "a" }\n]\n'
+    )
+    scene = wt.parse_scene(nested + "[materials.a]\n")
+    assert "# one" in saved(scene.replace({"camera.fov": 20}), tmp_path / "a.toml")
+
+
 def test_a_file_that_cannot_be_written_is_told(tmp_path):
     with pytest.raises(OSError, match="a folder; name a file"):
         wt.parse_scene(TEXT).save(tmp_path)

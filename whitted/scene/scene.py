@@ -21,6 +21,7 @@ from .build import checked, fields_of
 from .camera import view_problem
 from .contents import FIELDS, Contents
 from .dictionary import dictionary_of, without_default_names
+from .editing import edited_text
 from .parameters import (
     as_parameter,
     check_names,
@@ -32,7 +33,7 @@ from .plain import plain
 from .schema import SceneError, nearest
 from .summary import summary
 from .tables import MAX_DEPTH, MAX_OBJECTS
-from .toml import edited_text, tables_in, text_of
+from .toml import MARK, tables_in, text_of
 
 __all__ = ["MAX_DEPTH", "MAX_OBJECTS", "Scene"]
 
@@ -284,7 +285,8 @@ class Scene(Contents):
         """Write a scene file.
 
         What the file that the scene was read from still says stays as it is written there, with
-        its comments. Only a file of inline or dotted tables may have to be written anew.
+        its comments. What is removed takes the comment directly above it along. Only a file of
+        inline or dotted tables may have to be written anew, without comments.
 
         Args:
             path: a TOML file; an old one is replaced only if all goes well.
@@ -303,9 +305,10 @@ class Scene(Contents):
         precision = self.precision.name
         before = Scene._read(tables_in(self.text), precision)
         try:
-            text = edited_text(self.text, before, self)
+            text = edited_text(self.text.removeprefix(MARK), before, self)
             after = Scene._read(tables_in(text), precision)
-        except ValueError:
+        except (LookupError, ValueError):
+            # Some ways to write a file tomlkit does not edit
             return ""
         return text if dictionary_of(after) == dictionary_of(self) else ""
 
