@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import samples
 from drjit.llvm import ad
-from PIL import Image, ImageShow
+from PIL import Image
 
 import whitted as wt
-from whitted.files import display
+from whitted.files import display, viewer
 
 PIXELS = np.array([[[0, 0.5, 1], [-1, 2, np.nan]], [[0.002, 0.2, 0.9], [1, 1, 0]]])
 # By the formula of IEC 61966-2-1; NaN is black
@@ -62,22 +62,66 @@ def test_other_shapes_are_refused():
         wt.show(PIXELS[..., 0])
 
 
-def test_show_opens_the_viewer_of_the_system(monkeypatch, capsys):
-    seen = []
-    monkeypatch.setattr(ImageShow, "show", lambda image: seen.append(np.asarray(image)) or True)
-    wt.show(tensor())
-    assert [image.tolist() for image in seen] == [SRGB]
-    assert capsys.readouterr().out == ""
+@pytest.fixture
+def program(monkeypatch, tmp_path):
+    """Makes a program that is the only viewer; it leaves its picture as `seen`."""
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    monkeypatch.setattr(viewer, "COMMANDS", ((str(folder / "viewer"),),))
+    monkeypatch.setattr(viewer, "KEPT", 0.0)
+
+    def make(script):
+        path = folder / "viewer"
+        path.write_text(f"#!/bin/sh\n{script}\n")
+        path.chmod(0o755)
+        return temporary
+
+    return make
 
 
-def test_show_writes_a_file_where_there_is_no_viewer(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr(ImageShow, "show", lambda image: False)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+def left_in(folder):
+    """What is in a folder, as soon as that is nothing."""
+    for process in viewer._running:
+        process.wait(10)
+    return list(folder.iterdir())
+
+
+def test_show_opens_the_viewer_of_the_system(program, capfd, tmp_path):
+    folder = program(f'cp "$1" {tmp_path}/seen.png')
     wt.show(tensor())
-    (path,) = tmp_path.glob("*/image.png")
+    assert np.asarray(Image.open(tmp_path / "seen.png")).tolist() == SRGB
+    assert capfd.readouterr() == ("", "")
+    assert left_in(folder) == []
+
+
+def test_a_viewer_that_stays_open_has_shown_the_picture(program, capfd, monkeypatch):
+    monkeypatch.setattr(viewer, "PATIENCE", 0.01)
+    folder = program("sleep 1")
+    wt.show(tensor())
+    assert capfd.readouterr() == ("", "")
+    assert left_in(folder) == []
+
+
+@pytest.mark.parametrize("commands", [(), None], ids=["no program", "none that it finds"])
+def test_show_writes_a_file_where_there_is_no_viewer(program, capfd, monkeypatch, commands):
+    folder = program("echo no application knows this file >&2; exit 3")
+    if commands is not None:
+        monkeypatch.setattr(viewer, "COMMANDS", commands)
+    wt.show(tensor())
+    (path,) = folder.glob("*/image.png")
     assert np.asarray(Image.open(path)).tolist() == SRGB
     told = f"there is no program that shows pictures; wrote {path}\n"
-    assert capsys.readouterr().out == told
+    assert capfd.readouterr() == (told, "")
+
+
+def test_show_takes_a_scene(program, tmp_path):
+    program(f'cp "$1" {tmp_path}/seen.png')
+    scene = wt.load_scene("three_diffuse")
+    wt.show(scene)
+    assert (tmp_path / "seen.png").read_bytes() == scene._repr_png_()
 
 
 def test_show_shows_below_the_cell_of_a_notebook(monkeypatch):

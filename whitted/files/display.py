@@ -9,7 +9,8 @@ import numpy as np
 from drjit.llvm import ad
 
 from . import png
-from .images import rgb, write_image
+from .images import rgb
+from .viewer import view
 
 
 def to_srgb(image: object) -> np.ndarray:
@@ -29,31 +30,31 @@ def to_srgb(image: object) -> np.ndarray:
 
 
 def show(image: object) -> None:
-    """Show an image: below the cell of a notebook, else in the system's viewer of pictures.
+    """Show an image or a scene: below the cell of a notebook, else in the system's viewer.
 
-    Where there is no viewer, the image is written to a PNG in the folder for temporary files, and
-    a line says where.
+    Where there is no viewer of pictures, a PNG is written to the folder for temporary files, and a
+    line says where.
 
     Args:
         image: linear RGB of shape (height, width, 3), a Dr.Jit tensor or anything that NumPy
-            converts to an array.
+            converts to an array; or a `Scene`, which is shown as a small picture of plain samples.
 
     Raises:
         ValueError: another shape.
     """
     import tempfile
 
-    from PIL import Image, ImageShow
-
-    pixels = to_srgb(image)
+    # A scene makes its picture itself
+    data = image._repr_png_() if hasattr(image, "_repr_png_") else png_of(image)
     if notebook() is not None:
         from IPython.display import Image as Picture
         from IPython.display import display
 
-        display(Picture(data=png_of(image), format="png"))
-    elif not ImageShow.show(Image.fromarray(pixels)):
-        path = Path(tempfile.mkdtemp(prefix="whitted-")) / "image.png"
-        write_image(path, image)
+        display(Picture(data=data, format="png"))
+        return
+    path = Path(tempfile.mkdtemp(prefix="whitted-")) / "image.png"
+    path.write_bytes(data)
+    if not view(path):
         print(f"there is no program that shows pictures; wrote {path}")
 
 
