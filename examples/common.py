@@ -70,7 +70,7 @@ def recover(
     other = numbers(theirs.scene, start) if theirs else np.full(len(true), np.nan)
     for (label, value, deviation), a, b, c in zip(ours.numbers(), true, began, other, strict=True):
         print(f"{label:28}{a:11.5f}{b:11.5f}{value:12.6f}{deviation:10.1e}{c:12.6f}")
-    print(f"{len(ours.history)} iterations, {ours.stopped}")
+    print(f"{ours.iterations} iterations, {ours.stopped}")
     name = title.replace(" ", "-").lower()
     wt.write_image(folder / f"{name}-target.png", target)
     wt.write_image(folder / f"{name}-start.png", wt.render(scene, 4, resolution=resolution))

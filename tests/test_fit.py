@@ -15,6 +15,7 @@ from drjit.llvm import ad
 import whitted as wt
 from whitted.inverse import fit as fit_module
 from whitted.inverse.bounds import bounds_of, scales_of
+from whitted.inverse.convergence import Iteration
 from whitted.inverse.loss import Objective, split
 from whitted.inverse.views import checked_view
 
@@ -95,6 +96,20 @@ def test_adam_recovers_a_position(ball, target):
     np.testing.assert_allclose(result.parameters[WRT[0]][:2], CENTER[:2], rtol=0, atol=2e-3)
 
 
+@pytest.mark.parametrize("method", ["lm", "adam"])
+@pytest.mark.parametrize("levels", [1, 2])
+def test_the_start_is_no_iteration(ball, target, method, levels):
+    start = ball.replace(AWAY)
+    result = wt.fit(start, target, wrt=WRT, method=method, iterations=1, levels=levels)
+    steps = [step.iteration for step in result.history]
+    assert steps == ([0, 1] if levels == 1 else [0, 1, 1, 2])
+    assert result.iterations == levels
+    told = f"after {levels} iteration{'s' * (levels > 1)}; loss"
+    assert told in repr(result)
+    # The step has been made
+    assert result.parameters[WRT[0]] != list(AWAY[WRT[0]])
+
+
 def test_coarse_pictures_come_first(ball):
     resolution = (96, 96)
     target = wt.render(ball, 4, resolution=resolution)
@@ -102,7 +117,12 @@ def test_coarse_pictures_come_first(ball):
     result = wt.fit(
         ball.replace(AWAY), target, wrt=WRT, resolution=resolution, callback=steps.append
     )
-    assert [step.iteration for step in steps] == list(range(len(result.history)))
+    numbers = [step.iteration for step in steps]
+    assert numbers == [step.iteration for step in result.history]
+    # At each of the three resolutions the first loss is that of the last step
+    assert sorted(set(numbers)) == list(range(len(steps) - 2))
+    starts = [k for k in range(1, len(steps)) if steps[k].resolution != steps[k - 1].resolution]
+    assert all(numbers[k] == numbers[k - 1] for k in starts)
     sizes = [step.resolution for step in steps]
     assert sizes == sorted(sizes)
     assert set(sizes) == {(24, 24), (48, 48), (96, 96)}
@@ -354,14 +374,20 @@ def test_target_that_does_not_fit_the_scene_is_refused(ball, target):
             ValueError, match=r"target: integers \(uint.*\) are no radiance; divide"
         ):
             wt.fit(ball, integers, wrt=WRT)
+    with pytest.raises(ValueError, match="target: truth values are no radiance; convert them to"):
+        wt.fit(ball, target.numpy() > 0, wrt=WRT)
     with pytest.raises(ValueError, match="target: expected an array of numbers, got list"):
         wt.fit(ball, [[0.0], [0.0, 1.0]], wrt=WRT)
     with pytest.raises(ValueError, match=r"view 1: target: expected an image"):
         wt.fit([(ball, target), (ball, np.zeros((2, 2, 3)))], wrt=WRT)
     with pytest.raises(ValueError, match="give each as"):
         wt.fit([(ball, target)], target, wrt=WRT)
-    with pytest.raises(ValueError, match="expected a scene, or pairs"):
+    with pytest.raises(ValueError, match=r"expected at least one pair \(scene, target\), got none"):
         wt.fit([], wrt=WRT)
+    with pytest.raises(TypeError, match=r"^view 1: expected \(scene, target\) or .*, got a Scene$"):
+        wt.fit([(ball, target), ball], wrt=WRT)
+    with pytest.raises(TypeError, match=r"^view 0: scene: expected a Scene, got 'a.toml'; load"):
+        wt.fit([("a.toml", target)], wrt=WRT)
 
 
 def test_a_number_that_ceases_to_be_finite_is_named(ball, target, monkeypatch):
@@ -401,7 +427,7 @@ def result_of(scene, names, **more):
             "labels": list(names),
             "loss": 0.00125,
             "gains": np.ones((1, 3)),
-            "history": [None] * 7,
+            "history": [Iteration(7, (32, 24), 0.00125, np.arange(1.0, count + 1))],
             "stopped": "converged",
             **more,
         }

@@ -97,6 +97,7 @@ MEMBERS = {
         "covariance": "field",
         "gains": "field",
         "history": "field",
+        "iterations": "property",
         "labels": "field",
         "loss": "field",
         "named": "(self, x)",
@@ -106,6 +107,7 @@ MEMBERS = {
         "plot": "(self, path=None)",
         "scene": "field",
         "stopped": "field",
+        "summary": "(self)",
         "uncertainty": "field",
     },
 }

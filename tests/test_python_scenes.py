@@ -3,6 +3,7 @@
 import copy
 import inspect
 import pickle
+from pathlib import Path
 
 import drjit as dr
 import numpy as np
@@ -549,3 +550,26 @@ def test_summary_is_short():
     )
     assert repr(many).endswith("and 30 more")
     assert len(repr(many)) < 2000
+
+
+NO_SCENES = {
+    "scene: expected a Scene, got 'cornell'; load one with whitted.load_scene('cornell')": (
+        lambda: wt.render("cornell"),
+        lambda: wt.render(Path("cornell"), error=0.1),
+        lambda: wt.gradient("cornell", "spheres.ball.center", "x"),
+        lambda: wt.fit("cornell", np.zeros((4, 4, 3)), wrt="spheres.ball.center"),
+        lambda: wt.torch_render("cornell", {}),
+    ),
+    "scene: expected a Scene, got a NoneType; load one with whitted.load_scene('cornell')": (
+        lambda: wt.render(None),
+        lambda: wt.fit(None, wrt="spheres.ball.center"),
+    ),
+}
+
+
+@pytest.mark.parametrize("message", NO_SCENES)
+def test_what_is_no_scene_is_told_how_to_become_one(message):
+    for call in NO_SCENES[message]:
+        with pytest.raises(TypeError) as caught:
+            call()
+        assert str(caught.value) == message

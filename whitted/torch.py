@@ -8,7 +8,7 @@ import drjit as dr
 from .core.arrays import Array
 from .rendering.api import render
 from .scene.parameters import check_names
-from .scene.scene import Scene
+from .scene.scene import Scene, checked_scene
 
 
 def torch_render(
@@ -34,10 +34,12 @@ def torch_render(
         Linear RGB radiance, a tensor of shape (height, width, 3).
 
     Raises:
+        TypeError: no scene is given, but its name, say.
         KeyError: a name that the scene does not have.
         ValueError: a tensor of another size or type, or what `render` refuses.
         RuntimeError: there is no PyTorch.
     """
+    checked_scene(scene)
     try:
         import torch
     except ImportError:

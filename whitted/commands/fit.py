@@ -157,4 +157,4 @@ def _print_fit(result: Any) -> None:
         typer.echo(f"{label:32} {value:.7g} +- {deviation:.2g}")
     for note in result.notes:
         typer.echo(f"note: {note}")
-    typer.echo(f"{result.stopped}, after {len(result.history)} iterations; loss {result.loss:.4g}")
+    typer.echo(result.summary())

@@ -116,6 +116,10 @@ def radiance(image: object, where: str) -> np.ndarray:
             an 8-bit picture, 255 times as bright, and not linear.
     """
     pixels = numbers(image, where)
+    if pixels.dtype.kind == "b":
+        raise ValueError(
+            f"{where}: truth values are no radiance; convert them to float if 0 and 1 are meant"
+        )
     if pixels.dtype.kind in "iu":
         whole = 65535 if pixels.dtype == np.uint16 else 255
         raise ValueError(

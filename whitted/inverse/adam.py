@@ -34,7 +34,7 @@ def adam(
     optimiser = Adam(1.0, params=arrays(scene, objective.parameters(x)))
     first = np.concatenate([[0], np.cumsum(objective.sizes)[:-1]])
     best, before = (math.inf, x), 0
-    for k in range(iterations):
+    for k in range(iterations + 1):
         shrink = LAST ** (k / max(1, iterations - 1)) * 2.0**level * STEP
         scales = zip(objective.names, search.scale[first], strict=True)
         optimiser.set_learning_rate({name: shrink * float(scale) for name, scale in scales})
@@ -50,7 +50,10 @@ def adam(
             best = loss, x
         if k - before > PATIENCE:
             return best[1], "converged: the loss falls no further"
+        if k == iterations:
+            break
         optimiser.step()
+        search.steps += 1
         x = _flat(optimiser.values())
         inside = search.bounded(x)
         if (inside != x).any():

@@ -17,9 +17,13 @@ LABELLED = 16
 
 @dataclass(frozen=True)
 class Iteration:
-    """The numbers of one iteration of a fit, and its loss."""
+    """The numbers that an iteration of a fit has led to, and their loss.
 
-    iteration: int
+    The fit at each resolution, from each start, begins with one that has made no step: its loss is
+    at another resolution, or of another start, and `iteration` is that of the one before.
+    """
+
+    iteration: int  # steps taken so far
     resolution: tuple[int, int]  # of the first view
     loss: float
     x: np.ndarray  # all numbers that are fitted
@@ -76,7 +80,7 @@ def plot(history: Sequence[Iteration], labels: Sequence[str], path: str | None) 
     for before, after in itertools.pairwise(history):
         if before.resolution != after.resolution:
             for panel in (losses, numbers):
-                panel.axvline(after.iteration - 0.5, color="0.8", zorder=0)
+                panel.axvline(after.iteration, color="0.8", zorder=0)
     if path is not None:
         figure.savefig(path)
     return figure

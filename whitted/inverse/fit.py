@@ -44,9 +44,15 @@ class FitResult:
     labels: list[str]  #: of the numbers, such as "spheres.ball.center.x"
     loss: float  #: half the mean square of the residuals, at the full resolution
     gains: np.ndarray  #: of each channel of each view, of shape (views, 3)
-    history: list[Iteration]  #: its iterations, each with its numbers and its loss
+    #: the start at each resolution and each iteration, with its numbers and its loss
+    history: list[Iteration]
     stopped: str  #: why
     notes: list[str] = field(default_factory=list)  #: what is noteworthy, in words
+
+    @property
+    def iterations(self) -> int:
+        """The number of steps that were taken, at all resolutions and from all starts."""
+        return self.history[-1].iteration
 
     def named(self, x: np.ndarray) -> dict[str, Any]:
         """The parameters at an iteration's numbers, for `Scene.replace`."""
@@ -58,9 +64,14 @@ class FitResult:
         deviations = np.sqrt(self.covariance.diagonal()).tolist()
         return list(zip(self.labels, values, deviations, strict=True))
 
+    def summary(self) -> str:
+        """How the fit ended, in one line."""
+        steps = f"{self.iterations} iteration{'s' if self.iterations != 1 else ''}"
+        return f"{self.stopped}, after {steps}; loss {self.loss:.4g}"
+
     def __repr__(self) -> str:
         lines = [f"{label:32} {value:.7g} +- {sd:.2g}" for label, value, sd in self.numbers()]
-        return "\n".join([self._summary(), *_first(lines)])
+        return "\n".join([f"FitResult: {self.summary()}", *_first(lines)])
 
     def _repr_html_(self) -> str:
         """The numbers and a picture of the recovered scene, for notebooks."""
@@ -73,14 +84,10 @@ class FitResult:
         ]
         encoded = b64encode(picture(self.scene)).decode()
         return (
-            f"<p>{escape(self._summary())}</p><table><tr><th>parameter</th><th>value</th>"
+            f"<p>FitResult: {escape(self.summary())}</p><table><tr><th>parameter</th><th>value</th>"
             f"<th>standard deviation</th></tr>{''.join(_first(rows))}</table>"
             f'<img alt="the recovered scene" src="data:image/png;base64,{encoded}">'
         )
-
-    def _summary(self) -> str:
-        steps = f"{len(self.history)} iterations"
-        return f"FitResult: {self.stopped}, after {steps}; loss {self.loss:.4g}"
 
     def plot(self, path: str | None = None) -> Any:
         """Draw the loss and each parameter over the iterations; needs the extra `fit`.
@@ -125,8 +132,9 @@ def fit(
     """Change a scene's parameters until its picture is the target.
 
     Args:
-        scene: where to start. For several views: pairs (scene, target), or triples with a mask. The
-            views share the parameters, and each counts for as much as it has pixels.
+        scene: where to start. For several views: a list of pairs (scene, target), or triples
+            with a mask. The views share the parameters, and each counts for as much as it has
+            pixels.
         target: linear RGB of shape (height, width, 3), as `read_image` gives it; not integers.
         wrt: names of the parameters to fit, as in `Scene.parameters`; `*` stands for any part.
         method: "lm" (Levenberg-Marquardt), "adam", or "auto", which takes "lm" for up to 16
@@ -155,6 +163,7 @@ def fit(
         a second one, while that result is being made, raises `KeyboardInterrupt`.
 
     Raises:
+        TypeError: neither a scene nor views, but the name of a scene, say.
         KeyError: a name that a scene does not have, or bounds for a name that is not fitted.
         ValueError: another argument is out of range, a target does not fit the scene, or a number
             ceases to be finite; the message has the parameter and the iteration.

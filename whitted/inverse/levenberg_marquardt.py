@@ -45,6 +45,7 @@ def levenberg_marquardt(
         if not taken:
             return x, "converged: no step lowers the loss"
         x = after
+        search.steps += 1
         loss, slope, curvature = objective.normal_equations(x)
         search.record(objective, loss, x, slope, curvature.diagonal())
     return x, "iterations used up"

@@ -27,19 +27,20 @@ class Search:
     report: Callable[[Iteration], None]
     history: list[Iteration] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    steps: int = 0  # taken so far
 
     def __post_init__(self) -> None:
         # Bool for each number: some slope by it was not 0
         self.has_slope = np.zeros(len(self.labels), bool)
 
     def record(self, objective: Objective, loss: float, x: np.ndarray, *slopes: np.ndarray) -> None:
-        """Keep an iteration.
+        """Keep the numbers that a step has led to, or those where the steps of a fit start.
 
         Raises:
             ValueError: something is not a finite number; the message has the parameter and the
                 iteration.
         """
-        iteration = f"iteration {len(self.history)}"
+        iteration = f"iteration {self.steps}"
         for label, value in zip(self.labels, x, strict=True):
             if not math.isfinite(value):
                 raise ValueError(
@@ -56,7 +57,7 @@ class Search:
                     raise ValueError(
                         f"fit: the derivative by {label} is not finite in {iteration}, at {at}"
                     )
-        step = Iteration(len(self.history), objective.views[0].resolution, loss, x.copy())
+        step = Iteration(self.steps, objective.views[0].resolution, loss, x.copy())
         self.history.append(step)
         self.report(step)
 

@@ -1,12 +1,13 @@
 """What a fit looks at: scenes, and what their images should be."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ..files.images import numbers, radiance
-from ..scene.scene import Scene
+from ..scene.scene import Scene, checked_scene
 
 Resolution = tuple[int, int]
 
@@ -38,33 +39,34 @@ class View:
         return replace(self, target=target, weight=weight)
 
 
-def views_of(
-    scene: Scene | Sequence[tuple], target: object, mask: object, resolution: Resolution | None
-) -> list[View]:
-    """The views that `fit` is given: one scene with its target, or several pairs or triples.
+def views_of(scene: Any, target: object, mask: object, resolution: Resolution | None) -> list[View]:
+    """The views that `fit` is given: one scene with its target, or a list of pairs or triples.
 
     Raises:
-        ValueError: they are neither, or what `checked_view` refuses.
+        TypeError: they are neither.
+        ValueError: there are none, or what `checked_view` refuses.
     """
-    if isinstance(scene, Scene):
+    if isinstance(scene, str) or not isinstance(scene, Iterable):
+        own = checked_scene(scene)
         if target is None:
             raise ValueError("target: expected an image, got None")
-        return [checked_view(scene, target, mask, resolution)]
+        return [checked_view(own, target, mask, resolution)]
     if target is not None or mask is not None:
         raise ValueError(
             "target: with several views, give each as (scene, target) or (scene, target, mask)"
         )
-    given = list(scene)
-    if not given or not all(_is_view(one) for one in given):
-        raise ValueError("scene: expected a scene, or pairs (scene, target)")
+    views = list(scene)
+    if not views:
+        raise ValueError("scene: expected at least one pair (scene, target), got none")
+    for k, one in enumerate(views):
+        if not isinstance(one, tuple) or len(one) not in (2, 3):
+            got = f"got a {type(one).__name__}"
+            raise TypeError(f"view {k}: expected (scene, target) or (scene, target, mask), {got}")
+        checked_scene(one[0], f"view {k}: scene")
     return [
         checked_view(one[0], one[1], one[2] if len(one) == 3 else None, resolution, f"view {k}: ")
-        for k, one in enumerate(given)
+        for k, one in enumerate(views)
     ]
-
-
-def _is_view(one: object) -> bool:
-    return isinstance(one, tuple) and len(one) in (2, 3) and isinstance(one[0], Scene)
 
 
 def checked_view(

@@ -2,7 +2,7 @@
 
 from ..core.arrays import Array
 from ..files.progress import Report, reporting
-from ..scene.scene import Scene
+from ..scene.scene import Scene, checked_scene
 from .auto_samples import recommend
 from .samples import render_samples
 
@@ -43,12 +43,14 @@ def render(
         width, 3).
 
     Raises:
+        TypeError: no scene is given, but its name, say.
         ValueError: an argument is out of range, or the image does not fit in memory.
 
     Example:
         >>> scene = whitted.load_scene("scenes/cornell.toml")
         >>> image = whitted.render(scene, spp=4)
     """
+    checked_scene(scene)
     if error is not None:
         for name, given in (("spp", spp != 1), ("boundary", boundary is not None)):
             if given:

@@ -4,7 +4,7 @@ import drjit as dr
 
 from ..core.arrays import Array
 from ..files.progress import Report, reporting
-from ..scene.scene import Scene
+from ..scene.scene import Scene, checked_scene
 from .api import render
 
 COMPONENTS = ("x", "y", "z")
@@ -37,6 +37,7 @@ def gradient(
         d image / d parameter, of the type and shape of the image.
 
     Raises:
+        TypeError: no scene is given, but its name, say.
         KeyError: a name that the scene does not have; the message lists the nearest ones.
         ValueError: a pattern that matches several names, a component that the parameter does not
             have, a vector without one, or what `render` refuses.
@@ -44,6 +45,7 @@ def gradient(
     Example:
         >>> by_x = whitted.gradient(scene, "spheres.ball.center", "x", spp=4)
     """
+    checked_scene(scene)
     values = dr.detach(scene.parameters(name))
     if len(values) > 1:
         raise ValueError(f"name: '{name}' stands for {', '.join(values)}; name one of them")

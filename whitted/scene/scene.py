@@ -35,7 +35,7 @@ from .summary import summary
 from .tables import MAX_DEPTH, MAX_OBJECTS
 from .toml import MARK, tables_in, text_of
 
-__all__ = ["MAX_DEPTH", "MAX_OBJECTS", "Scene"]
+__all__ = ["MAX_DEPTH", "MAX_OBJECTS", "Scene", "checked_scene"]
 
 Arguments = ParamSpec("Arguments")
 
@@ -349,6 +349,25 @@ class Scene(Contents):
             raise ValueError(
                 f"camera.{field} = {told}: {expected}; bound the steps of the optimiser"
             )
+
+
+def checked_scene(value: object, where: str = "scene") -> Scene:
+    """A value that has to be a scene.
+
+    Args:
+        where: what the message begins with.
+
+    Raises:
+        TypeError: the message says how to load one.
+    """
+    if not isinstance(value, Scene):
+        loaded = isinstance(value, (str, Path))
+        given = repr(str(value)) if loaded else "'cornell'"
+        got = given if loaded else f"a {type(value).__name__}"
+        raise TypeError(
+            f"{where}: expected a Scene, got {got}; load one with whitted.load_scene({given})"
+        )
+    return value
 
 
 def _is_recording() -> bool:
