@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 import pytest
+from drjit.llvm import ad
 from samples import LIGHT, camera, keys, material, plane, scene, sphere, three
 from samples import render_plain as render
 
@@ -149,7 +150,7 @@ def test_replace_refuses_what_files_refuse_in_the_same_words(load, name):
     ],
 )
 def test_replace_refuses_a_camera_that_looks_nowhere(load, values, message):
-    with pytest.raises(ValueError, match=f"^{re.escape(message)}; bound the steps"):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         load(text()).replace(values)
 
 
@@ -159,7 +160,18 @@ def test_replace_tells_what_to_do(load):
         match=r"^materials\.x\.reflection = 5: expected a number in \[0, 1\]; "
         r"bound the steps of the optimiser$",
     ):
+        load(text()).replace({"materials.x.reflection": ad.Float(5)})
+    # Where there is no optimiser, none is named
+    with pytest.raises(ValueError, match=r"reflection = 5: expected a number in \[0, 1\]$"):
         load(text()).replace({"materials.x.reflection": 5})
+    with pytest.raises(
+        KeyError, match=r"'\*\.reflection' is a pattern, and names are expected here"
+    ):
+        load(text()).replace({"*.reflection": 0.5})
+    scene = load(text())
+    values = dict.fromkeys(scene.parameters("*.reflection"), 0.5)
+    for value in scene.replace(values).parameters("*.reflection").values():
+        assert value.numpy() == 0.5
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from random_scenes import LAYOUTS, UP
 from samples import SCENES, SHIPPED
 from strategies import scenes
-from test_scene_file import ANGLE, ASKEW, DEPTH, NAME, NUMBERS, RESOLUTION, TABLE
+from test_scene_file import ANGLE, ASKEW, DEPTH, NAME, NUMBERS, RESOLUTION
 
 import whitted as wt
 from whitted.core.parameter import REQUIRED, parameters_of, settings_of
@@ -115,6 +115,7 @@ def test_numbers_that_carry_gradients_are_refused():
         sphere(radius=radius)
 
 
+MATERIAL = "expected a Material, or the name of one"
 PROBLEMS = {
     "spheres.a.radius = -1: expected a number > 0": lambda: sphere(radius=-1),
     "spheres.a.radius = NaN: expected a number > 0": lambda: sphere(radius=ad.Float(np.nan)),
@@ -122,10 +123,11 @@ PROBLEMS = {
     f"spheres.a.center = [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]: {NUMBERS}": lambda: sphere(
         center=dr.zeros(ad.Array3f, 2)
     ),
-    f"spheres.a.material = 5: {NAME}": lambda: sphere(material=5),
+    f"spheres.a.material = 5: {MATERIAL}": lambda: sphere(material=5),
+    f"spheres.a.material = None: {MATERIAL}": lambda: sphere(material=None),
     f'sphere.name = "": {NAME}': lambda: wt.Sphere("", center=(0, 0, 0), radius=1, material="m"),
     "spheres.a.center: missing; expected three finite numbers\n"
-    "spheres.a.material: missing; expected a name, a string that is not empty\n"
+    f"spheres.a.material: missing; {MATERIAL}\n"
     "spheres.a.radios: unknown key; did you mean 'radius'?": lambda: wt.Sphere(
         "a", radius=1, radios=2
     ),
@@ -139,8 +141,8 @@ PROBLEMS = {
     "did you mean 'inverse-square'?": lambda: wt.PointLight(
         "a", position=(0, 0, 0), intensity=(1, 1, 1), falloff="square"
     ),
-    "lights.a.type: unknown key": lambda: wt.PointLight(
-        "a", position=(0, 0, 0), intensity=(1, 1, 1), type="point"
+    "lights.a.type: unknown key; known are position, intensity, falloff, name": lambda: (
+        wt.PointLight("a", position=(0, 0, 0), intensity=(1, 1, 1), type="point")
     ),
     "light.direction = [0, 0, 0]: expected a direction, not zero": lambda: wt.DirectionalLight(
         direction=(0, 0, 0), irradiance=(1, 1, 1)
@@ -153,7 +155,7 @@ PROBLEMS = {
     "materials.m.checker.size = 0: expected a number > 0": lambda: wt.Material(
         "m", checker={"color": (1, 1, 1), "size": 0}
     ),
-    f"materials.m.checker = 1: {TABLE}": lambda: wt.Material("m", checker=1),
+    "materials.m.checker = 1: expected a Checkerboard": lambda: wt.Material("m", checker=1),
     "checker.size = 0: expected a number > 0": lambda: wt.Checkerboard(color=(1, 1, 1), size=0),
     f"camera.fov = 180: {ANGLE}": lambda: wt.Camera(
         position=(0, 0, 1), look_at=(0, 0, 0), fov=180, resolution=(1, 1)
@@ -181,10 +183,15 @@ PROBLEMS = {
     "expected a Sphere": lambda: scene(spheres=[FLOOR]),
     "lights[0] = Sphere('ball', center=(0.0, 0.0, 0.0), radius=0.5, material='red'): "
     "expected a PointLight or a DirectionalLight": lambda: scene(lights=[BALL]),
-    "lights = 5: expected a list of tables": lambda: scene(lights=5),
-    f"spheres[0] = 5: {TABLE}": lambda: scene(spheres=[5]),
-    f"camera = 5: {TABLE}": lambda: wt.Scene(5),
-    "camera: missing; expected a table\nsphere: unknown key; did you mean 'spheres'?": lambda: (
+    "lights = 5: expected a list, each a PointLight or a DirectionalLight": lambda: scene(lights=5),
+    "spheres = Sphere('ball', center=(0.0, 0.0, 0.0), radius=0.5, material='red'): "
+    "expected a list, each a Sphere": lambda: scene(spheres=BALL),
+    "spheres[0] = 5: expected a Sphere": lambda: scene(spheres=[5]),
+    "camera = 5: expected a Camera": lambda: wt.Scene(5),
+    "camera = None: expected a Camera\nspheres = None: expected a list, each a Sphere": lambda: (
+        wt.Scene(None, spheres=None)
+    ),
+    "camera: missing; expected a Camera\nsphere: unknown key; did you mean 'spheres'?": lambda: (
         wt.Scene(sphere=[BALL])
     ),
     "shapes: unknown key; did you mean 'spheres'?": lambda: scene(shapes=[BALL]),
@@ -193,9 +200,10 @@ PROBLEMS = {
         materials=[wt.Material("red")]
     ),
     "materials.blue: the material's own name is 'red'": lambda: scene(materials={"blue": RED}),
-    "materials: expected a Material, or a dictionary of tables, got 5": lambda: scene(
-        materials=[5]
-    ),
+    "materials[0] = 5: expected a Material": lambda: scene(materials=[5]),
+    "materials = 5: expected a list, each a Material": lambda: scene(materials=5),
+    "fog: unknown key; known are camera, spheres, planes, discs, lights, materials, background, "
+    "ambient, max_depth, min_importance, precision": lambda: scene(fog=1),
     # Of dictionaries
     "expected the tables of a scene, got 5": lambda: wt.Scene.from_dict(5),
     "[1]: unknown key": lambda: wt.Scene.from_dict({1: 2, "camera": scene().to_dict()["camera"]}),
@@ -222,7 +230,11 @@ PROBLEMS = {
     "materials.red: two different materials have this name ": lambda: scene().add(
         sphere(material=wt.Material("red"))
     ),
-    'spheres.ball.material = "red": there is no such material': lambda: scene().remove("red"),
+    "materials.red: still in use, by spheres.ball; "
+    "remove those as well, or first give them another material": lambda: scene().remove("red"),
+    f"spheres.ball.material = None: {MATERIAL}": lambda: scene().replace(
+        {"spheres.ball.material": None}
+    ),
     "spheres.ball.material = \"rad\": there is no such material; did you mean 'red'?": lambda: (
         scene().replace({"spheres.ball.material": "rad"})
     ),

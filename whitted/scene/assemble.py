@@ -27,26 +27,40 @@ def assembled(camera: Any, groups: Mapping[str, Any], materials: Any, **more: An
         more: the other keys of a file.
 
     Raises:
-        SceneError: a thing in another group's list, or two materials of one name.
+        SceneError: something else than a thing of its group, or two materials of one name.
     """
     found: list[str] = []
     tables: Tables = {**more, "camera": _table(camera)}
+    if not isinstance(camera, (Camera, Mapping)):
+        found.append(f"camera = {camera!r}: expected a Camera")
     listed = _by_name(materials, found)
     for group, things in groups.items():
-        if isinstance(things, (str, Mapping, Thing)) or not isinstance(things, Iterable):
-            # No list, which the check of tables will tell
-            tables[group] = things
-            continue
-        things = list(things)
+        things = _list_of(group, things, found)
         tables[group] = [_table(thing) for thing in things]
         for i, thing in enumerate(things):
-            if isinstance(thing, Thing) and not isinstance(thing, KINDS[group]):
-                kinds = " or a ".join(kind.__name__ for kind in KINDS[group])
-                found.append(f"{group}[{i}] = {thing!r}: expected a {kinds}")
+            if not isinstance(thing, (*KINDS[group], Mapping)):
+                found.append(f"{group}[{i}] = {thing!r}: expected a {_kinds(group)}")
             elif isinstance(thing, Thing) and group in GROUPS:
                 _enter(listed, thing.material, found)
     _refuse(found)
     return _finished(tables | {"materials": listed})
+
+
+def _list_of(name: str, things: Any, found: list[str]) -> list[Any]:
+    """The things that are given for a list.
+
+    Args:
+        found: gets a line if they are something else.
+    """
+    if isinstance(things, (str, Mapping, Thing)) or not isinstance(things, Iterable):
+        found.append(f"{name} = {things!r}: expected a list, each a {_kinds(name)}")
+        return []
+    return list(things)
+
+
+def _kinds(group: str) -> str:
+    """What a list may hold, in words."""
+    return " or a ".join(kind.__name__ for kind in KINDS.get(group, (Material,)))
 
 
 def added(tables: Tables, things: Iterable[Any], precision: Precision) -> Tables:
@@ -101,6 +115,29 @@ def removed(tables: Tables, name: str) -> Tables:
     return result
 
 
+def check_in_use(tables: Tables, materials: Iterable[str]) -> None:
+    """Refuse tables that lack a material of a shape.
+
+    Args:
+        materials: names that there were.
+
+    Raises:
+        SceneError: the message has a line for each material, with the shapes.
+    """
+    found = []
+    for material in set(materials) - tables.get("materials", {}).keys():
+        users = [
+            f"{group}.{own['name']}"
+            for group in GROUPS
+            for own in tables.get(group, [])
+            if own["material"] == material
+        ]
+        if users:
+            remedy = "remove those as well, or first give them another material"
+            found.append(f"materials.{material}: still in use, by {', '.join(users)}; {remedy}")
+    _refuse(sorted(found))
+
+
 def settings_in(tables: Tables) -> dict[str, tuple[Any, ...]]:
     """What `Scene.replace` takes beside parameters: names, and the path to each in the tables."""
     found: dict[str, tuple[Any, ...]] = {"max_depth": (), "min_importance": ()}
@@ -115,11 +152,14 @@ def replaced(tables: Tables, values: Mapping[str, Any], precision: Precision) ->
     """The tables of a scene with other settings, whose names `settings_in` has.
 
     Raises:
-        SceneError: the name of a material is taken.
+        SceneError: the name of a material is taken, or something else is given for a material.
     """
     found: list[str] = []
     known, result = settings_in(tables), plain(tables)
     for name, value in values.items():
+        if name.endswith(".material") and not isinstance(value, (str, Material)):
+            found.append(f"{name} = {value!r}: expected a Material, or the name of one")
+            continue
         table = result
         for part in known[name]:
             table = table[part]
@@ -162,11 +202,11 @@ def _by_name(materials: Any, found: list[str]) -> dict[str, Any]:
                 found.append(f"materials.{name}: the material's own name is {own.name!r}")
         return dict(materials)
     listed: dict[str, Any] = {}
-    for own in materials:
+    for i, own in enumerate(_list_of("materials", materials, found)):
         if isinstance(own, Material):
             _enter(listed, own, found)
         else:
-            found.append(f"materials: expected a Material, or a dictionary of tables, got {own!r}")
+            found.append(f"materials[{i}] = {own!r}: expected a Material")
     return listed
 
 

@@ -65,12 +65,23 @@ def check_names(names: Iterable[str], known: Mapping[str, object]) -> None:
     """Refuse names that are not known.
 
     Raises:
-        KeyError: the message lists the nearest names.
+        KeyError: the message lists the nearest names, or says that patterns are not taken.
     """
     for name in names:
         if name not in known:
+            if "*" in str(name) and _matching(name, known):
+                raise KeyError(
+                    f"'{name}' is a pattern, and names are expected here; give each name, as in "
+                    f"dict.fromkeys(scene.parameters('{name}'), value)"
+                )
             near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.5) or list(known)[:3]
             raise KeyError(f"the scene has no parameter '{name}'; nearest: {', '.join(near)}")
+
+
+def _matching(pattern: str, known: Iterable[str]) -> list[str]:
+    """The names that a pattern stands for."""
+    form = re.compile(".*".join(map(re.escape, pattern.split("*"))))
+    return [each for each in known if form.fullmatch(each)]
 
 
 def chosen_names(names: Iterable[str], known: Mapping[str, object]) -> list[str]:
@@ -83,11 +94,18 @@ def chosen_names(names: Iterable[str], known: Mapping[str, object]) -> list[str]
     for name in names:
         matching = [name]
         if name not in known and "*" in str(name):
-            pattern = re.compile(".*".join(map(re.escape, name.split("*"))))
-            matching = [each for each in known if pattern.fullmatch(each)] or matching
+            matching = _matching(name, known) or matching
         check_names(matching, known)
         chosen |= dict.fromkeys(matching)
     return list(chosen or known)
+
+
+def remedy_of(values: Mapping[str, Any]) -> str:
+    """What to do about values that have no meaning, as the end of a message. Arrays of Dr.Jit may
+    come from an optimiser.
+    """
+    stepped = any(value is not None and dr.is_jit_v(value) for value in values.values())
+    return "; bound the steps of the optimiser" if stepped else ""
 
 
 def as_parameter(name: str, value: object, old: Array) -> Array:
@@ -123,8 +141,13 @@ def numbers_of(arrays: Mapping[str, Array]) -> dict[str, Numbers]:
     }
 
 
-def check_numbers(numbers: Mapping[str, Numbers], locations: Mapping[str, Location]) -> None:
-    """Refuse numbers that have no meaning, which a step of an optimiser may lead to.
+def check_numbers(
+    numbers: Mapping[str, Numbers], locations: Mapping[str, Location], remedy: str
+) -> None:
+    """Refuse numbers that have no meaning.
+
+    Args:
+        remedy: the end of the message.
 
     Raises:
         ValueError: a number outside of its parameter's range, by more than `OVERSTEP` where the
@@ -135,6 +158,6 @@ def check_numbers(numbers: Mapping[str, Numbers], locations: Mapping[str, Locati
         told = f"{name} = {', '.join(f'{x:g}' for x in own)}"
         if not all(entry.legal.holds(x, OVERSTEP) for x in own):
             expected = entry.legal.expected(entry.size)
-            raise ValueError(f"{told}: expected {expected}; bound the steps of the optimiser")
+            raise ValueError(f"{told}: expected {expected}{remedy}")
         if entry.legal.direction and not any(own):
             raise ValueError(f"{told}: expected a direction, not zero")

@@ -16,7 +16,7 @@ from ..core.parameter import Numbers
 from ..files.atomic import write_text
 from ..mitsuba.writing import write
 from . import things
-from .assemble import added, assembled, removed, replaced, settings_in
+from .assemble import added, assembled, check_in_use, removed, replaced, settings_in
 from .build import checked, fields_of
 from .camera import view_problem
 from .contents import FIELDS, Contents
@@ -28,9 +28,10 @@ from .parameters import (
     check_numbers,
     chosen_names,
     numbers_of,
+    remedy_of,
 )
 from .plain import plain
-from .schema import SceneError, nearest
+from .schema import SceneError, nearest_or_all
 from .summary import summary
 from .tables import MAX_DEPTH, MAX_OBJECTS
 from .toml import MARK, tables_in, text_of
@@ -51,9 +52,11 @@ def _or_of_fields(constructor: Callable[Arguments, None]) -> Callable[Arguments,
         if given.keys() == set(FIELDS):
             scene.__dict__.update(given)
             return
-        found = [f"{key}: unknown key{nearest(key, known)}" for key in given if key not in known]
+        found = [
+            f"{key}: unknown key{nearest_or_all(key, known)}" for key in given if key not in known
+        ]
         if not args and "camera" not in given:
-            found.append("camera: missing; expected a table")
+            found.append("camera: missing; expected a Camera")
         if found:
             raise SceneError("\n".join(found))
         constructor(scene, *args, **given)  # type: ignore[arg-type]
@@ -169,7 +172,8 @@ class Scene(Contents):
                 "lights.key.falloff".
 
         Raises:
-            KeyError: a name that the scene does not have; the message lists the nearest ones.
+            KeyError: a name that the scene does not have; the message lists the nearest ones. A
+                pattern; the message says how to name all that it stands for.
             ValueError: a value that is not one scalar, or not one vector, as its parameter is; or a
                 number that has no meaning, as in a file. Steps of optimisers and of differences may
                 overstep a closed range, such as [0, 1], by 0.01.
@@ -184,8 +188,9 @@ class Scene(Contents):
         }
         # While a kernel is recorded numbers are not known; those of before decide what is compiled
         numbers = {} if _is_recording() else numbers_of(arrays)
-        check_numbers(numbers, known)
-        self._check_view(numbers)
+        remedy = remedy_of(values)
+        check_numbers(numbers, known, remedy)
+        self._check_view(numbers, remedy)
         # An array that was given may stand in NumPy's memory
         arrays |= {name: in_own_memory(arrays[name]) for name in numbers}
         new = self.neutral.keys() & arrays.keys()
@@ -231,6 +236,7 @@ class Scene(Contents):
         tables = dictionary_of(self)
         for name in names:
             tables = removed(tables, name)
+        check_in_use(tables, [material.name for material in self.materials])
         return self._edited(tables)
 
     def _edited(self, tables: dict[str, Any], changed: Iterable[str] = ()) -> "Scene":
@@ -336,7 +342,7 @@ class Scene(Contents):
     def __repr__(self) -> str:
         return summary(self)
 
-    def _check_view(self, changed: Mapping[str, Numbers]) -> None:
+    def _check_view(self, changed: Mapping[str, Numbers], remedy: str) -> None:
         """Refuse a camera that looks nowhere."""
         names = "camera.position", "camera.look_at"
         if changed.keys().isdisjoint(names):
@@ -346,9 +352,7 @@ class Scene(Contents):
             field, expected = wrong
             value = {"look_at": look_at, "up": self.camera.up}[field]
             told = ", ".join(f"{x:g}" for x in value)
-            raise ValueError(
-                f"camera.{field} = {told}: {expected}; bound the steps of the optimiser"
-            )
+            raise ValueError(f"camera.{field} = {told}: {expected}{remedy}")
 
 
 def checked_scene(value: object, where: str = "scene") -> Scene:

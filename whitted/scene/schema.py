@@ -82,7 +82,7 @@ def _describe(problem: Any, root: type[BaseModel], where: Callable[[Path], str])
     path = path[:-1] if path[-1:] == ("[key]",) else path
     if kind == "extra_forbidden":
         known = _table_at(root, path[:-1]).model_fields
-        return f"{where(path)}: unknown key{nearest(str(path[-1]), known)}"
+        return f"{where(path)}: unknown key{nearest_or_all(str(path[-1]), known)}"
     if kind == "invalid_key":
         return f"{where(path)}: unknown key"
     if kind == "missing":
@@ -101,6 +101,8 @@ def _describe(problem: Any, root: type[BaseModel], where: Callable[[Path], str])
         near = nearest(str(name), LIGHTS)
         return f"{where(path)}.type = {_shorten(name)}: expected {_choices(LIGHTS)}{near}"
     expected = {"bool_type": "true or false", "list_type": "a list of tables"}.get(kind, "a table")
+    # The only table of a thing that is made in Python
+    expected = "a Checkerboard" if root is not SceneTable and expected == "a table" else expected
     return f"{told}: expected {expected}"
 
 
@@ -254,11 +256,18 @@ def _dotted(path: Sequence[Any], after: bool = False) -> str:
 
 
 def _shorten(value: object) -> str:
+    if value is None:
+        return "None"
     try:
         text = json.dumps(value, default=str)
     except (ValueError, RecursionError):
         text = f"a {type(value).__name__}"
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def nearest_or_all(name: str, known: Any) -> str:
+    """The known name that is most like another, or else all of them, as the end of a message."""
+    return nearest(name, known) or f"; known are {', '.join(known)}"
 
 
 def nearest(name: str, known: Any) -> str:

@@ -114,13 +114,21 @@ def _default(entry: Parameter) -> Any:
 
 
 OPTIONAL_NAME = (Name | None, None)
+MaterialName = Annotated[str, _check("the name of a material", _is_name, str)]
+MaterialOrName = Annotated[str, _check("a Material, or the name of one", _is_name, str)]
 CameraTable = _table(Camera, up=(Vector, [0, 1, 0]), resolution=(Resolution, ...))
 CheckerTable = _table(Checkerboard)
 MaterialTable = _table(Material, checker=(CheckerTable | None, None))
 # Of a material by itself. In a file the name is the key of the table
 NamedMaterialTable = _table(Material, name=(Name, ...), checker=(CheckerTable | None, None))
 SHAPE_TABLES = {
-    group: _table(kind, name=OPTIONAL_NAME, material=(Name, ...)) for group, kind in GROUPS.items()
+    group: _table(kind, name=OPTIONAL_NAME, material=(MaterialName, ...))
+    for group, kind in GROUPS.items()
+}
+# Of shapes by themselves, as Python makes them
+SHAPES_IN_PYTHON = {
+    group: _table(kind, name=OPTIONAL_NAME, material=(MaterialOrName, ...))
+    for group, kind in GROUPS.items()
 }
 LIGHT_TABLES = {
     name: _table(kind, name=OPTIONAL_NAME, type=(Literal[name], name))

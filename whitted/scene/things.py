@@ -14,8 +14,8 @@ from ..shapes import disc, plane, sphere
 from . import camera, material, texture
 from .dictionary import TYPES
 from .plain import plain
-from .schema import SceneError, thing_problems
-from .tables import LIGHT_TABLES, SHAPE_TABLES, CameraTable, CheckerTable, NamedMaterialTable
+from .schema import SceneError, nearest_or_all, thing_problems
+from .tables import LIGHT_TABLES, SHAPES_IN_PYTHON, CameraTable, CheckerTable, NamedMaterialTable
 
 Arguments = ParamSpec("Arguments")
 # A number, or three of them: Python's, NumPy's or Dr.Jit's
@@ -51,7 +51,7 @@ class Thing:
     @classmethod
     def model(cls) -> Any:
         """The model of its table in a file."""
-        return LIGHT_TABLES[TYPES[cls.kind]] if cls.kind in TYPES else SHAPE_TABLES[cls.group]
+        return LIGHT_TABLES[TYPES[cls.kind]] if cls.kind in TYPES else SHAPES_IN_PYTHON[cls.group]
 
     @classmethod
     def settings(cls) -> list[str]:
@@ -75,7 +75,8 @@ class Thing:
         raw = plain({key: in_a_table(own) for key, own in given.items()})
         found = thing_problems(model, self.kind, raw, self._where(raw.get("name")))
         if "type" in raw:
-            found.append(f"{self._where(raw.get('name'))}.type: unknown key")
+            known = nearest_or_all("type", fields)
+            found.append(f"{self._where(raw.get('name'))}.type: unknown key{known}")
         if found:
             raise SceneError("\n".join(found))
         values = model.model_validate(raw)
