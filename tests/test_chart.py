@@ -257,6 +257,10 @@ def test_bad_input_is_refused(scene, tmp_path, capsys):
     text = capsys.readouterr().err
     messages = "cannot be read", "there is no folder", "--size: expected WIDTHxHEIGHT"
     assert all(message in text for message in messages)
+    for size in ("0x0", "1000000x1000000"):
+        assert run(["chart", str(scene), "-o", str(tmp_path / "c"), "--size", size]) == 2
+        assert capsys.readouterr().err.startswith("--size: ")
+    assert not (tmp_path / "c").exists()
 
 
 @pytest.mark.parametrize(

@@ -102,15 +102,18 @@ def test_shipped_scenes_render(tmp_path, scene):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--spp", "3"], "spp: expected a perfect square"),
+        (["--spp", "3"], "--spp: expected a perfect square"),
         (["--spp", "x"], "'--spp'"),
         (
             ["--size", "0x4"],
-            r"resolution: expected (width, height), two whole numbers of pixels > 0, got (0, 4)",
+            "--size: expected WIDTHxHEIGHT, as in 640x480, got '0x4'",
         ),
         (["--size", "4"], "--size: expected WIDTHxHEIGHT, as in 640x480, got '4'"),
-        (["--size", "1000000x1000000"], "takes 11175.9 GiB, too much; use a smaller one"),
-        (["--depth", "0"], "max_depth: expected a whole number from 1 to 256, got 0"),
+        (
+            ["--size", "1000000x1000000"],
+            "--size: an image of 1000000 x 1000000 takes 11175.9 GiB, too much; use a smaller one",
+        ),
+        (["--depth", "0"], "--depth: expected a whole number from 1 to 256, got 0"),
         (["--precision", "half"], "'--precision'"),
         (["--sp", "4"], "No such option: --sp"),
     ],
@@ -214,12 +217,12 @@ def check_colors(path, derivative):
     [
         (
             ["--wrt", "ambient"],
-            "component: expected x, y or z (for red, green or blue of a colour) for the vector "
+            "--component: expected x, y or z (for red, green or blue of a colour) for the vector "
             "'ambient', got none",
         ),
         (
             ["--wrt", "camera.fov", "--component", "x"],
-            "component: expected none for the number 'camera.fov', got x",
+            "--component: expected none for the number 'camera.fov', got x",
         ),
         (
             ["--wrt", "spheres.bal.radius"],

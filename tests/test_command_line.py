@@ -107,3 +107,66 @@ def test_completion_is_installed(tmp_path):
     assert output.endswith("done\n")
     (installed,) = (tmp_path / ".bash_completions").iterdir()
     assert str(installed) in (tmp_path / ".bashrc").read_text()
+
+
+BAD = """[camera]
+position = [0, 0, 3]
+look_at = [0, 0, 0]
+fov = 200
+resolution = [8, 8]
+[[spheres]]
+center = [0, 0, 0]
+radius = -1
+material = "white"
+"""
+WRT = "--wrt camera.fov"
+# Commands, and how many problems each tells. They run in a folder with bad.toml, which has three
+# problems, and with text.exr and text.png, which are no images
+REFUSED = {
+    "render bad.toml -o a.png": 3,
+    "render none.toml -o a.png": 1,
+    "render text.png -o a.png": 1,
+    "render cornell": 1,
+    "render cornell -o a.jpg": 1,
+    "render cornell -o a.png --spp 2": 1,
+    "render cornell -o a.png --spp -1": 1,
+    "render cornell -o a.png --depth 999": 1,
+    "render cornell -o a.png --size 8": 1,
+    "render cornell -o a.png --size -8x8": 1,
+    "render cornell -o a.png --error 0": 1,
+    "render cornell -o a.png --error 0.1 --spp 4": 1,
+    f"gradient bad.toml -o a.png {WRT}": 3,
+    "gradient cornell -o a.png --wrt camera.fog": 1,
+    "gradient cornell -o a.png --wrt spheres.*.radius": 1,
+    "gradient cornell -o a.png --wrt camera.position": 1,
+    f"gradient cornell -o a.png {WRT} --component x": 1,
+    f"gradient cornell -o a.png {WRT} --size 0x0": 1,
+    "params bad.toml": 3,
+    "params cornell camera.fog": 1,
+    f"fit bad.toml text.png {WRT} -o out": 3,
+    f"fit cornell none.png {WRT} -o out": 1,
+    f"fit cornell text.exr {WRT} -o out": 1,
+    f"fit cornell text.png {WRT} -o out": 1,
+    f"fit cornell text.png {WRT} -o none/out": 1,
+    "chart bad.toml -o out": 3,
+    "chart cornell -o out --size 0x0": 1,
+    "chart cornell -o none/out": 1,
+    "stress no-such-case -o out": 1,
+    "stress -o none/out": 1,
+    "draw cornell": 1,
+}
+
+
+@pytest.mark.parametrize("command", REFUSED)
+def test_bad_input_is_refused(tmp_path, capfd, monkeypatch, command):
+    """Status 2, one line for each problem, nothing on standard output, and nothing left behind."""
+    monkeypatch.chdir(tmp_path)
+    files = {"bad.toml": BAD, "text.exr": "no image", "text.png": "no image"}
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    assert run(command.split()) == 2
+    printed, error = capfd.readouterr()
+    lines = error.splitlines()
+    assert (printed, len(lines)) == ("", REFUSED[command])
+    assert all(line.strip() and "Traceback" not in line for line in lines)
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == files

@@ -83,7 +83,13 @@ def test_fit_with_all_options(picture, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (f"--wrt {RADIUS} --size 8x8", "target: expected an image of 8 x 8 pixels"),
+        (
+            f"--wrt {RADIUS} --size 8x8",
+            "target.exr: has 24x24 pixels, and the fit 8x8; give --size",
+        ),
+        (f"--wrt {RADIUS} --size 0x8", "--size: expected WIDTHxHEIGHT"),
+        (f"--wrt {RADIUS} --iterations 0", "--iterations: expected a whole number from 1 on"),
+        (f"--wrt {RADIUS} --spp 3", "--spp: expected a perfect square"),
         (f"--wrt {RADIUS} --size big", "--size: expected WIDTHxHEIGHT"),
         ("--wrt spheres.ball.radius", "no parameter 'spheres.ball.radius'"),
         (f"--wrt {RADIUS} --bound {RADIUS}", "--bound: expected NAME=LOW:HIGH"),
@@ -93,7 +99,7 @@ def test_fit_with_all_options(picture, tmp_path, capsys):
         ),
         (f"--wrt {RADIUS} --bound {RADIUS}=1:2", "starts at 0.9, outside [1, 2]"),
         (f"--wrt {RADIUS} --seed 1", "--seed: there is no random start; give --starts, or leave"),
-        (f"--wrt {RADIUS} --wrt {RADIUS}", f"wrt: '{RADIUS}' is named twice"),
+        (f"--wrt {RADIUS} --wrt {RADIUS}", f"--wrt: '{RADIUS}' is named twice"),
         (f"--wrt {RADIUS} --starts 2 --starts 3", "--starts: given more than once; give it once"),
         (f"--wrt {RADIUS} --method newton", "'--method'"),
         ("--wrt materials.red.ior --iterations 1", "depends on none of the parameters"),
@@ -103,6 +109,21 @@ def test_fit_refuses_bad_input(picture, tmp_path, capsys, options, message):
     assert call(f"fit {options}", *picture, "-o", tmp_path / "out") == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("role", ["scene", "target", "mask"])
+def test_fit_does_not_write_over_its_input(picture, tmp_path, capsys, monkeypatch, role):
+    """Where a folder of results holds one of the files that are read."""
+    monkeypatch.setattr(wt, "load_scene", None)
+    out = tmp_path / "out"
+    out.mkdir()
+    own = out / {"scene": "scene.toml", "target": "target.png", "mask": "start.png"}[role]
+    own.write_bytes(b"old")
+    files = {**dict(zip(("scene", "target"), picture, strict=True)), "mask": picture[1], role: own}
+    words = f"{FIT} --mask {files['mask']}"
+    assert call(words, files["scene"], files["target"], "-o", f"{out}/../out") == 2
+    assert capsys.readouterr().err == (f"{own}: would be written over; name another folder by -o\n")
+    assert [(path, path.read_bytes()) for path in out.iterdir()] == [(own, b"old")]
 
 
 def test_fit_refuses_folders_that_it_cannot_write(picture, capsys):

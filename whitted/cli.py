@@ -18,6 +18,17 @@ app = typer.Typer(
 )
 
 
+# The options that functions know by other names
+OPTIONS = {
+    "bounds": "--bound",
+    "max_depth": "--depth",
+    "name": "--wrt",
+    "resolution": "--size",
+    **{name: f"--{name}" for name in ("component", "error", "iterations", "mask", "spp")},
+    **{name: f"--{name}" for name in ("starts", "terms", "wrt")},
+}
+
+
 def _print_version(wanted: bool) -> None:
     if wanted:
         from . import __version__
@@ -76,13 +87,19 @@ def run(arguments: list[str]) -> int:
             else str(error)
         )
     except (ValueError, RuntimeError) as error:
-        message = str(error)
+        message = _with_options(str(error))
     except KeyError as error:
         message = error.args[0]
     if _interrupts:
         return 130
     print(message, file=sys.stderr)
     return 2
+
+
+def _with_options(message: str) -> str:
+    """A message that begins with an argument of a function, with the option in its place."""
+    name, colon, rest = message.partition(":")
+    return f"{OPTIONS.get(name, name)}{colon}{rest}"
 
 
 # Signals received. Dr.Jit may turn the KeyboardInterrupt of a callback into an error of its own, so

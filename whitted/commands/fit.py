@@ -83,10 +83,12 @@ def fit(
 
     if seed is not None and starts == 1:
         raise ValueError("--seed: there is no random start; give --starts, or leave --seed out")
+    check_folder(output, NAMES)
+    _check_inputs([scene, target, *([mask] if mask else [])], [output / name for name in NAMES])
     start, picture = load_scene(scene, precision), read_image(target, layer)
     weights = None if mask is None else read_image(mask).numpy().mean(2)
     bounds, resolution = _bounds(bound or []), size_of(size)
-    check_folder(output, NAMES)
+    _check_target(target, picture.shape, resolution or start.resolution)
     # Find out that a library is missing before the fit, not after it
     figure_of(1)
     options: dict[str, Any] = {"spp": spp, "boundary": not no_boundary, "max_depth": depth}
@@ -116,6 +118,23 @@ def fit(
     _print_fit(result)
     typer.echo(f"wrote {', '.join(path.name for path in files)} to {output}")
     return 130 if interrupted or forget() else 0
+
+
+def _check_inputs(inputs: list[Path], outputs: list[Path]) -> None:
+    """Refuse files that are read and would be written over."""
+    for path in filter(Path.exists, inputs):
+        if any(other.exists() and other.samefile(path) for other in outputs):
+            raise ValueError(f"{path}: would be written over; name another folder by -o")
+
+
+def _check_target(target: Path, shape: tuple[int, ...], size: tuple[int, int]) -> None:
+    """Refuse a picture of another size than the images of the fit."""
+    own = f"{shape[1]}x{shape[0]}"
+    if own != f"{size[0]}x{size[1]}":
+        raise ValueError(
+            f"{target}: has {own} pixels, and the fit {size[0]}x{size[1]}; "
+            f"give --size {own}, or scale the picture"
+        )
 
 
 def _bounds(texts: list[str]) -> dict[str, tuple[float | None, float | None]]:

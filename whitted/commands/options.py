@@ -20,6 +20,9 @@ def _scenes(incomplete: str) -> list[str]:
     return [*names, *sorted(shown)] if names else []
 
 
+# Pixels along a side
+LONGEST = 1 << 20
+
 SceneFile = Annotated[
     Path,
     typer.Argument(
@@ -55,7 +58,7 @@ def size_of(text: str | None) -> tuple[int, int] | None:
     if text is None:
         return None
     width, _, height = text.lower().partition("x")
-    if not (width.isdecimal() and height.isdecimal()):
+    if not all(n.isdecimal() and 1 <= int(n) <= LONGEST for n in (width, height)):
         raise ValueError(f"--size: expected WIDTHxHEIGHT, as in 640x480, got '{text}'")
     return int(width), int(height)
 

@@ -51,7 +51,8 @@ def chart(
         The page, report.html.
 
     Raises:
-        ValueError: the folder, or one of the files in it, cannot be written to.
+        ValueError: the folder, or one of the files in it, cannot be written to; or images of the
+            size are out of range, or do not fit in memory.
         SceneError: the scene file is not valid.
         RuntimeError: matplotlib or Jinja2 is not installed.
         OSError: a file cannot be written.

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.arrays import Array
 from ..inverse.bounds import scales_of, start_of
-from ..rendering.samples import render_samples
+from ..rendering.samples import check_memory, checked_resolution, render_samples
 from ..scene.features import may
 from ..scene.files import load_scene
 from ..scene.scene import Scene
@@ -32,7 +32,8 @@ class Setup:
     """
 
     def __init__(self, path: Path, size: tuple[int, int], quick: bool) -> None:
-        self.path, self.size, self.quick = path, size, quick
+        self.path, self.size, self.quick = path, checked_resolution(size), quick
+        check_memory(*size, 8)
         self.rounds = 3 if quick else 7
         self.single, self.double = load_scene(path), load_scene(path, "double")
 

@@ -46,8 +46,8 @@ def render_samples(
         raise ValueError(
             f"max_depth: expected a whole number from 1 to {MAX_DEPTH}, got {max_depth!r}"
         )
-    size = _checked(scene.resolution if resolution is None else resolution)
-    _check_memory(*size, dr.itemsize_v(scene.background))
+    size = checked_resolution(scene.resolution if resolution is None else resolution)
+    check_memory(*size, dr.itemsize_v(scene.background))
     parameters = scene.inputs()
     # Opaque: each literal value would be compiled into a kernel of its own
     dr.make_opaque(parameters)
@@ -72,7 +72,8 @@ def _is_whole(value: object, low: int, high: int) -> bool:
     )
 
 
-def _checked(resolution: object) -> tuple[int, int]:
+def checked_resolution(resolution: object) -> tuple[int, int]:
+    """The width and the height that a user gives."""
     pair = tuple(resolution) if isinstance(resolution, (tuple, list)) else ()
     if len(pair) != 2 or not all(_is_whole(n, 1, 1 << 20) for n in pair):
         expected = "(width, height), two whole numbers of pixels > 0"
@@ -80,7 +81,8 @@ def _checked(resolution: object) -> tuple[int, int]:
     return int(pair[0]), int(pair[1])
 
 
-def _check_memory(width: int, height: int, size: int) -> None:
+def check_memory(width: int, height: int, size: int) -> None:
+    """Refuse an image that does not fit in memory; a number takes `size` bytes."""
     need, have = width * height * 3 * size, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if need > have / 2 or width * height * 3 >= 1 << 32:
         takes = f"an image of {width} x {height} takes {need / (1 << 30):.1f} GiB"
