@@ -253,13 +253,16 @@ def test_rectangles_that_close_a_room_are_planes():
     assert len(found.shapes) == 6
     assert taken(found, planes__wall0__normal=[1, 0, 0], planes__wall0__offset=5)
     del room["wall3"]
-    with pytest.raises(wt.SceneError, match=r"^wall0: a rectangle ends, and a plane does not"):
+    with pytest.raises(
+        wt.SceneError,
+        match=r"^wall0: a rectangle has no counterpart, unless all rectangles close a room",
+    ):
         wt.from_mitsuba(scene(**room))
 
 
 def test_a_lamp_outside_opens_a_room():
     lamp = {"type": "point", "position": [0, 6, 0]}
-    with pytest.raises(wt.SceneError, match="a rectangle ends"):
+    with pytest.raises(wt.SceneError, match="a rectangle has no counterpart"):
         wt.from_mitsuba(scene(lamp=lamp, **walls(5, bsdf=RED)))
 
 
@@ -284,7 +287,7 @@ def test_names_of_materials():
 # What is refused
 
 GLASS = {"type": "dielectric"}
-ROUGH = "rough surfaces have no counterpart; with approximate=True the surface is smooth"
+ROUGH = "rough surfaces have no counterpart; with approximate=True a smooth one is taken"
 
 
 def unlike(what, expected):
@@ -450,8 +453,8 @@ PROBLEMS = [
     ),
     (
         {"sky": {"type": "constant"}, "b": ball()},
-        "sky: a sky lights matte surfaces in Mitsuba, and does not here; "
-        "with approximate=True it is only seen",
+        "sky: in Mitsuba the sky lights matte surfaces, and the background here does not; "
+        "with approximate=True it is seen, and lights nothing",
     ),
     # Cameras
     (
@@ -518,8 +521,8 @@ PROBLEMS = [
     ),
     (
         {"integrator": {"type": "path"}, "b": ball(m=GLASS)},
-        "integrator.max_depth: chains of rays end here; expected a whole number; "
-        "with approximate=True they have 10 nodes",
+        "integrator.max_depth: paths without an end have no counterpart; expected a whole number; "
+        "with approximate=True max_depth is 10 here",
     ),
     (
         {
@@ -583,20 +586,22 @@ def test_other_sources():
 
 # What is taken with a warning
 
-SEEN = "its back is black in Mitsuba; both sides are seen here"
+SEEN = "its back can be seen: it is black in Mitsuba, and like its front here"
 WARNED = [
     (
         {"sensor": SENSOR | {"film": {"type": "hdrfilm"}}},
-        "sensor.film.rfilter: a pixel is the mean of its square here, not a 'gaussian' filter's",
+        "sensor.film.rfilter: Mitsuba blurs pixels by a 'gaussian' filter; here each is the mean of its square, "
+        "as by 'box'",
     ),
     (
         {"sensor": SENSOR | {"film": FILM | {"rfilter": {"type": "tent"}}}},
-        "sensor.film.rfilter: a pixel is the mean of its square here, not a 'tent' filter's",
+        "sensor.film.rfilter: Mitsuba blurs pixels by a 'tent' filter; here each is the mean of its square, "
+        "as by 'box'",
     ),
     (
         {"integrator": {"type": "path"}, "a": ball(), "b": ball(center=[3, 0, 0])},
-        "integrator.max_depth: Mitsuba's paths go on between matte surfaces; "
-        "that light is missing here",
+        "integrator.max_depth: Mitsuba also follows light from one matte surface to another; "
+        "this is darker without it",
     ),
     # A disk's back, which the eye sees, or a ball behind it; none is seen of what is all before it
     ({"a": {"type": "disk"}, "b": ball(m=GLASS, center=[0, 0, 1.1])}, None),
@@ -606,16 +611,16 @@ WARNED = [
     ({"a": ball(center=[0, 0, 3])}, f"a: {SEEN}"),
     (
         {"a": ball(center=[0, 0, -2e4])},
-        "a: Mitsuba may cut it off at sensor.far_clip; nothing is cut off here",
+        "a: Mitsuba may cut off parts of it, by sensor.far_clip; nothing is cut off here",
     ),
     (
         {"a": ball(m=GLASS, center=[0.1, 0.4, 1.995])},
-        "a: Mitsuba may cut it off at sensor.near_clip; nothing is cut off here",
+        "a: Mitsuba may cut off parts of it, by sensor.near_clip; nothing is cut off here",
     ),
     (
         {"a": ball(m=GLASS, center=[0, 0, 3])},
-        "a: the eye or a light is in this glass, where Mitsuba scales radiance; "
-        "here it is not scaled",
+        "a: the eye or a light is inside this glass: Mitsuba scales radiance "
+        "there, whitted does not",
     ),
 ]
 
@@ -629,7 +634,7 @@ def test_what_may_differ_warns(things, message):
 APPROXIMATE = [
     (
         {"b": ball(m={"type": "roughdielectric", "alpha": 0.1})},
-        "b.m.alpha = 0.1: rough surfaces have no counterpart; the surface is smooth",
+        "b.m.alpha = 0.1: rough surfaces have no counterpart; a smooth one is taken",
         {"materials__b__refraction": 1},
     ),
     (
@@ -640,12 +645,14 @@ APPROXIMATE = [
     ),
     (
         {"b": {"type": "rectangle"}},
-        "b: a rectangle ends, and a plane does not; its infinite plane is taken",
+        "b: a rectangle has no counterpart, unless all rectangles close a room; "
+        "an infinite plane takes its place",
         {"planes__b__normal": [0, 0, 1], "planes__b__offset": 0},
     ),
     (
         {"sky": {"type": "constant", "radiance": 0.3}, "b": ball()},
-        "sky: a sky lights matte surfaces in Mitsuba, and does not here; it is only seen",
+        "sky: in Mitsuba the sky lights matte surfaces, and the background here does not; "
+        "it is seen, and lights nothing",
         {"background": [0.3] * 3},
     ),
     (
@@ -655,8 +662,8 @@ APPROXIMATE = [
     ),
     (
         {"integrator": {"type": "path"}, "b": ball(m=GLASS)},
-        "integrator.max_depth: chains of rays end here; expected a whole number; "
-        "they have 10 nodes",
+        "integrator.max_depth: paths without an end have no counterpart; expected a whole number; "
+        "max_depth is 10 here",
         {},
     ),
 ]
@@ -712,7 +719,7 @@ def read(tmp_path):
     return read
 
 
-@pytest.mark.filterwarnings("ignore:.*paths go on")
+@pytest.mark.filterwarnings("ignore:.*Mitsuba also follows light")
 def test_xml(read):
     clear = CLEAR + '<point name="center" x="0" y="0" z="0"/>'
     found = read(XML.format(clear))

@@ -138,7 +138,7 @@ def test_names_that_are_no_keys_come_back(load):
         + disc([-2, 0, 0], [0, 0, 1], 0.5, "ball", name="ball")
         + light([0, 3, 0], falloff="inverse-square", name="ball")
     )
-    with pytest.warns(UserWarning, match="paths go on"):
+    with pytest.warns(UserWarning, match="Mitsuba also follows light"):
         written = found.to_mitsuba()
     assert [key for key in written if key not in ("type", "integrator", "sensor")] == [
         "materials-ball",
@@ -148,7 +148,7 @@ def test_names_that_are_no_keys_come_back(load):
         "discs-ball",
         "lights-ball",
     ]
-    with pytest.warns(UserWarning, match="paths go on"):
+    with pytest.warns(UserWarning, match="Mitsuba also follows light"):
         assert list(wt.from_mitsuba(written).numbers) == list(found.numbers)
 
 
@@ -216,7 +216,7 @@ LACKING = [
         material("m", refraction=0.5, fresnel=True) + BALL + sphere([0.6, 0, 0], 0.4, "m"),
         (
             "spheres.sphere1: this glass overlaps with 'spheres.sphere0'",
-            "each has its own index in the other",
+            "in Mitsuba each keeps its own index where they overlap",
         ),
     ),
     (
@@ -230,7 +230,7 @@ LACKING = [
         light([0, 3, 0], name="key"),
         (
             'lights.key.falloff = "none": Mitsuba\'s lights fall off with the squared distance',
-            "it is as bright as here where the camera looks at",
+            "it is made as bright as here at camera.look_at",
         ),
     ),
 ]
@@ -241,8 +241,8 @@ SETTINGS = [
         "background = [0.5, 0, 0]",
         (
             "background = [0.5, 0.0, 0.0]: "
-            "a sky lights matte surfaces in Mitsuba, and does not here",
-            "it does",
+            "in Mitsuba the sky lights matte surfaces, and the background here does not",
+            "it is written as a sky",
         ),
     ),
 ]
@@ -306,10 +306,14 @@ def test_all_that_mitsuba_lacks_is_listed(load):
 
 def test_what_makes_pictures_differ_warns(load):
     two = "max_depth = 2\n" + samples.CAMERA + PURE + three("red", "red", "mirror")
-    with pytest.warns(UserWarning, match="^max_depth: Mitsuba's paths go on"):
+    with pytest.warns(
+        UserWarning, match="^max_depth: Mitsuba also follows light .* brighter there$"
+    ):
         load(two).to_mitsuba()
     inside = samples.CAMERA + PURE + sphere([0.1, 0.4, 3], 0.5, "glass", name="around")
-    with pytest.warns(UserWarning, match="^spheres.around: the eye or a light is in this glass"):
+    with pytest.warns(
+        UserWarning, match="^spheres.around: the eye or a light is inside this glass"
+    ):
         load(inside).to_mitsuba()
 
 
@@ -323,7 +327,7 @@ def test_pictures_agree(load, text):
     compare(picture(one.to_mitsuba()), one)
 
 
-@pytest.mark.filterwarnings("ignore:.*paths go on")
+@pytest.mark.filterwarnings("ignore:.*Mitsuba also follows light")
 @pytest.mark.parametrize("text", [NESTED, FAINT], ids=["glass in water", "glass before a disc"])
 def test_pictures_with_glass_agree_in_the_mean(load, text):
     """Mitsuba follows one of the two rays that leave from glass, drawn at random.

@@ -7,7 +7,7 @@ other way round. Neither needs Mitsuba; only XML files do, which Mitsuba itself 
 |---|---|
 | `perspective`, `fov` along any `fov_axis`, or `focal_length` | `fov`, vertical |
 | its `to_world`, a rotation and a translation | `position`, `look_at` (at `focus_distance`), `up` |
-| `hdrfilm`; other filters than `box` warn | `resolution` |
+| `hdrfilm` with a `box` filter | `resolution` |
 | `path` and its kin, `max_depth` N | `max_depth` N - 1; N where all light is the sky |
 | `direct` | `max_depth` 1 |
 | `sphere`, with rotation, translation and one scale | sphere |
@@ -20,7 +20,7 @@ other way round. Neither needs Mitsuba; only XML files do, which Mitsuba itself 
 | `checkerboard`, of square cells along the world's axes | `checker` |
 | `conductor` without a metal, grey | `reflection` |
 | `dielectric` on spheres, grey | `reflection`, `refraction`, `fresnel`, `ior` |
-| `twosided` | both sides are seen anyway; the black backs of others warn |
+| `twosided` | both sides of a surface are alike anyway |
 
 What differs and cannot be exact is a problem; with `approximate` it is a warning:
 
@@ -36,6 +36,16 @@ What differs and cannot be exact is a problem; with `approximate` it is a warnin
 | reflection of an opaque `fresnel` material | left out |
 | constant weights of glass | those of Fresnel |
 | lights without falloff | one that falls off, equally bright at `look_at` |
+
+What only makes the pictures differ is taken, always with a warning:
+
+| | here |
+|---|---|
+| a filter other than `box`; Mitsuba's own default is `gaussian` | a pixel is the mean of its square |
+| light from one matte surface to another | it is not followed |
+| the back of a one-sided surface, where it can be seen | it looks like the front |
+| clipping planes that cut a shape | nothing is cut off |
+| the eye or a light inside glass | radiance is not scaled there |
 
 All else is a problem: other plugins, unknown parameters, shear, mirroring.
 """

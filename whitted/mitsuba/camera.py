@@ -60,7 +60,8 @@ def _film(node: Node) -> tuple[int, int]:
     kind = rfilter.type if rfilter else "gaussian"
     if kind != "box":
         where = rfilter.path if rfilter else film.at("rfilter")
-        film.report.warn(where, f"a pixel is the mean of its square here, not a '{kind}' filter's")
+        what = f"Mitsuba blurs pixels by a '{kind}' filter; here each is the mean of its square"
+        film.report.warn(where, f"{what}, as by 'box'")
     film.finish()
     return size
 
@@ -125,7 +126,7 @@ def clipped(node: Node, balls: Mapping[str, Ball], eye: np.ndarray) -> None:
         distance = float(np.linalg.norm(center - eye))
         cuts = {"near_clip": abs(distance - radius) < near, "far_clip": distance + radius > far}
         for key in (key for key, cut in cuts.items() if cut):
-            what = f"Mitsuba may cut it off at {node.at(key)}; nothing is cut off here"
+            what = f"Mitsuba may cut off parts of it, by {node.at(key)}; nothing is cut off here"
             node.report.warn(path, what)
 
 

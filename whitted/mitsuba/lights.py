@@ -82,7 +82,7 @@ def emitter(light: Mapping[str, Any], report: Report, center: np.ndarray) -> dic
         report.differ(
             equals(f"lights.{light['name']}.falloff", "none"),
             "Mitsuba's lights fall off with the squared distance",
-            "it is as bright as here where the camera looks at",
+            "it is made as bright as here at camera.look_at",
         )
     return {
         "type": "point",

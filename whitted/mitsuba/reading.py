@@ -20,9 +20,9 @@ GROUPS = *SHAPES, "lights", "materials"
 DEEP = 10
 # `max_depth` where it is not given, and that of the differentiable integrators
 ENDLESS, DIFFERENTIABLE = -1, 6
-PATHS_GO_ON = "Mitsuba's paths go on between matte surfaces; that light is missing here"
-SCALED = "the eye or a light is in this glass, where Mitsuba scales radiance; here it is not scaled"
-LIT = "a sky lights matte surfaces in Mitsuba, and does not here"
+DARKER = "Mitsuba also follows light from one matte surface to another; this is darker without it"
+SCALED = "the eye or a light is inside this glass: Mitsuba scales radiance there, whitted does not"
+LIT = "in Mitsuba the sky lights matte surfaces, and the background here does not"
 
 
 def read(source: Mapping[str, Any], approximate: bool = False) -> tuple[dict[str, Any], Report]:
@@ -63,7 +63,7 @@ def read(source: Mapping[str, Any], approximate: bool = False) -> tuple[dict[str
         sky.ignore("sampling_weight")
         sky.finish()
         if max(radiance) > 0 and any(map(_is_matte, placed)):
-            report.differ(sky.path, LIT, "it is only seen")
+            report.differ(sky.path, LIT, "it is seen, and lights nothing")
     root.finish()
     if sensor is not None:
         _compare(scene, placed, sensor, report)
@@ -181,11 +181,11 @@ def _depth(root: Node, placed: Sequence[Placed], sky: bool) -> int:
         return 1
     segments = _segments(node, sky, least=1 if sky and not matte else 2)
     if matte and len(placed) > 1 and segments not in (1, 2):
-        root.report.warn(node.at("max_depth"), PATHS_GO_ON)
+        root.report.warn(node.at("max_depth"), DARKER)
     if segments == ENDLESS:
         if bent:
-            why = "chains of rays end here; expected a whole number"
-            root.report.differ(node.at("max_depth"), why, f"they have {DEEP} nodes")
+            why = "paths without an end have no counterpart; expected a whole number"
+            root.report.differ(node.at("max_depth"), why, f"max_depth is {DEEP} here")
         return DEEP if bent else 1
     return segments if sky and not matte else segments - 1
 
@@ -223,8 +223,8 @@ def _compare(
     closed = bool(walls) and closed_room(walls, points)
     for each in placed:
         if each.group == "planes" and not closed:
-            why = "a rectangle ends, and a plane does not"
-            report.differ(each.path, why, "its infinite plane is taken")
+            why = "a rectangle has no counterpart, unless all rectangles close a room"
+            report.differ(each.path, why, "an infinite plane takes its place")
     # Backs, which are seen by the eye, or by what is behind
     for each in placed:
         if each.wall:
@@ -234,7 +234,9 @@ def _compare(
         else:
             seen = glass.contains(each.ball, eye)
         if seen and each.surface.one_sided:
-            report.warn(each.path, "its back is black in Mitsuba; both sides are seen here")
+            report.warn(
+                each.path, "its back can be seen: it is black in Mitsuba, and like its front here"
+            )
     # Glass
     for each in filter(_is_glass, placed):
         if any(glass.contains(each.ball, point) for point in points):

@@ -98,7 +98,7 @@ def _smooth(node: Node) -> None:
     given = [key for key in ("alpha", "alpha_u", "alpha_v") if node.has(key)] or ["alpha"]
     for key in given:
         node.report.differ(
-            node.told(key), "rough surfaces have no counterpart", "the surface is smooth"
+            node.told(key), "rough surfaces have no counterpart", "a smooth one is taken"
         )
 
 

@@ -10,13 +10,14 @@ import numpy as np
 from . import glass
 from .camera import sensor
 from .lights import emitter
-from .reading import GROUPS, LIT, PATHS_GO_ON, SCALED, SHAPES, plain
+from .reading import GROUPS, LIT, SCALED, SHAPES, plain
 from .report import Report, equals
 from .surfaces import bsdf
 from .walls import FAR, Ball, Wall, room_of, upright
 
 # What of a scene file is written
 KNOWN = {*GROUPS, "camera", "background", "ambient", "max_depth", "min_importance"}
+BRIGHTER = "Mitsuba also follows light from one matte surface to another; it is brighter there"
 # Keys of the scene itself
 OWN = "type", "id", "integrator", "sensor", "sky"
 
@@ -117,7 +118,11 @@ def _spheres(scene: Mapping[str, Any], points: Sequence[np.ndarray], report: Rep
     balls = [_ball(own) for own in clear]
     for i, k in glass.crossing(balls):
         why = f"this glass overlaps with 'spheres.{clear[i]['name']}'"
-        report.differ(f"spheres.{clear[k]['name']}", why, "each has its own index in the other")
+        report.differ(
+            f"spheres.{clear[k]['name']}",
+            why,
+            "in Mitsuba each keeps its own index where they overlap",
+        )
     for own, ball in zip(clear, balls, strict=True):
         if any(glass.contains(ball, point) for point in points):
             report.warn(f"spheres.{own['name']}", SCALED)
@@ -224,9 +229,9 @@ def _segments(scene: Mapping[str, Any], report: Report) -> int:
         told = equals("min_importance", scene["min_importance"])
         report.differ(told, "has no counterpart in Mitsuba", "it is left out")
     if sky and matte:
-        report.differ(equals("background", scene["background"]), LIT, "it does")
+        report.differ(equals("background", scene["background"]), LIT, "it is written as a sky")
     if matte and len(shapes) > 1 and depth > 1:
-        report.warn("max_depth", PATHS_GO_ON)
+        report.warn("max_depth", BRIGHTER)
     return depth if sky and not matte else depth + 1
 
 
