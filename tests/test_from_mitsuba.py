@@ -590,13 +590,13 @@ SEEN = "its back can be seen: it is black in Mitsuba, and like its front here"
 WARNED = [
     (
         {"sensor": SENSOR | {"film": {"type": "hdrfilm"}}},
-        "sensor.film.rfilter: Mitsuba blurs pixels by a 'gaussian' filter; here each is the mean of its square, "
-        "as by 'box'",
+        "sensor.film.rfilter: Mitsuba blurs pixels by a 'gaussian' filter; "
+        "here each is the mean of its square, as by 'box'",
     ),
     (
         {"sensor": SENSOR | {"film": FILM | {"rfilter": {"type": "tent"}}}},
-        "sensor.film.rfilter: Mitsuba blurs pixels by a 'tent' filter; here each is the mean of its square, "
-        "as by 'box'",
+        "sensor.film.rfilter: Mitsuba blurs pixels by a 'tent' filter; "
+        "here each is the mean of its square, as by 'box'",
     ),
     (
         {"integrator": {"type": "path"}, "a": ball(), "b": ball(center=[3, 0, 0])},

@@ -41,7 +41,7 @@ What only makes the pictures differ is taken, always with a warning:
 
 | | here |
 |---|---|
-| a filter other than `box`; Mitsuba's own default is `gaussian` | a pixel is the mean of its square |
+| another filter than `box`; the default is `gaussian` | a pixel is the mean of its square |
 | light from one matte surface to another | it is not followed |
 | the back of a one-sided surface, where it can be seen | it looks like the front |
 | clipping planes that cut a shape | nothing is cut off |
