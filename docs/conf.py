@@ -19,7 +19,7 @@ extensions = [
     # MathJax as files of this site, in place of another host's
     "sphinx-mathjax-offline",
     "myst_nb",
-    # Pages and pictures that are made of the code, in _generated/
+    # Pictures that are made of the code, in _generated/
     "generate",
 ]
 exclude_patterns = ["_generated"]

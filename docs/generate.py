@@ -1,17 +1,17 @@
-"""Pages and pictures of the documentation that are made of the code: an extension of Sphinx.
+"""What of the documentation is made of the code.
 
-They are parts of other pages, which include them from `_generated/`.
+Tables stand in the pages, so that they can be read without building anything. After a change of the
+code, `.venv/bin/python docs/generate.py` writes them anew; `tests/test_docs.py` tells when that is
+needed. Pictures are drawn at each build of the site, of which this is an extension.
 """
 
-import contextlib
 import inspect
-import io
-import os
 import re
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, get_args, get_type_hints
 
 import pictures
+from typer.models import ArgumentInfo
 
 import whitted
 from whitted import cli, mitsuba
@@ -24,6 +24,7 @@ from whitted.scene.surroundings import Surroundings
 from whitted.scene.texture import Checkerboard
 
 OUTPUT = Path(__file__).parent / "_generated"
+PAGES = sorted(Path(__file__).parent.glob("*.md"))
 # Each table of a scene file: its model, what it is in the code, and whose docstring explains it
 TABLES = {
     "scene": (tables.SceneTable, Surroundings, Scene),
@@ -103,35 +104,80 @@ def keys_of(name: str) -> str:
 
 
 def command_line() -> str:
-    """The help of each command, as `--help` prints it."""
-    os.environ.update(COLUMNS="90", TERMINAL_WIDTH="90", NO_COLOR="1")
-    names = [command.name or command.callback.__name__ for command in cli.app.registered_commands]
-    parts = []
-    for name in ["", *names]:
-        printed = io.StringIO()
-        with contextlib.redirect_stdout(printed):
-            cli.run([name, "--help"] if name else ["--help"])
-        parts.append(f"## whitted {name}".strip() + f"\n\n```text\n{printed.getvalue()}```\n")
-    return "\n".join(parts)
+    """Each command: what it does, its arguments and options, and examples."""
+    return "\n".join(_command(each.callback, each.epilog) for each in cli.app.registered_commands)
 
 
-def write(name: str, text: str) -> None:
-    """Write a page, unless it is as it was: Sphinx then reads it anew."""
-    path = OUTPUT / name
-    if not path.exists() or path.read_text() != text:
-        path.write_text(text)
+def _command(function: Any, epilog: str) -> str:
+    hints = get_type_hints(function, include_extras=True)
+    given = inspect.signature(function).parameters
+    rows = [_row(name, *get_args(hints[name])[:2], given[name]) for name in given]
+    heads = ["| argument or option | meaning | default |", "|---|---|---|"] if rows else []
+    label, _, examples = epilog.partition(":")
+    shown = [f"    {' '.join(one.split())}" for one in examples.split("   |   ")]
+    lines = [f"## whitted {function.__name__}", "", inspect.getdoc(function) or "", ""]
+    return "\n".join([*lines, *heads, *rows, "", f"{label}:", "", *shown]) + "\n"
 
 
-def generate(app: Any) -> None:
-    """Write all pages and pictures."""
+def _row(name: str, kind: Any, about: Any, given: inspect.Parameter) -> str:
+    """An argument of a command's function, as a row of a table."""
+    meaning, _, default = about.help.removesuffix(".").removesuffix("]").partition(" [default: ")
+    meaning = meaning.removesuffix(".") + "."
+    if choices := [f"`{one}`" for one in get_args(kind) if isinstance(one, str)]:
+        meaning += f" One of {', '.join(choices)}."
+    return f"| {_typed(name, about)} | {meaning} | {default or _default_of(given)} |"
+
+
+def _typed(name: str, about: Any) -> str:
+    """What to type for an argument of a command's function."""
+    if isinstance(about, ArgumentInfo):
+        return f"`{name.upper()}`"
+    # The first one stands where a default may
+    names = [each for each in (about.default, *(about.param_decls or ())) if isinstance(each, str)]
+    names = names or [f"--{name.replace('_', '-')}"]
+    *others, last = names
+    value = f" {about.metavar}" if about.metavar else ""
+    return ", ".join(f"`{each}`" for each in [*others, last + value])
+
+
+def _default_of(given: inspect.Parameter) -> str:
+    """A default that the help does not say."""
+    if given.default is given.empty:
+        return "required"
+    return "" if given.default in (None, False) else f"`{given.default}`"
+
+
+def part(name: str) -> str:
+    """The part of a page that has this name."""
+    kind, _, table = name.partition("-")
+    if kind == "keys":
+        return keys_of(table)
+    if name == "mitsuba":
+        return (inspect.getdoc(mitsuba) or "").split("\n\n", 2)[2] + "\n"
+    return command_line()
+
+
+def refreshed(text: str) -> str:
+    """The text of a page with its parts as they are now."""
+    return re.sub(
+        r"(<!-- ([\w-]+): made by docs/generate.py -->\n\n).*?(\n<!-- end -->)",
+        lambda found: found[1] + part(found[2]) + found[3],
+        text,
+        flags=re.S,
+    )
+
+
+def draw(app: Any) -> None:
+    """Draw all pictures."""
     OUTPUT.mkdir(exist_ok=True)
-    for name in TABLES:
-        write(f"keys-{name}.md", keys_of(name))
-    write("command-line.md", command_line())
-    write("mitsuba.md", (inspect.getdoc(mitsuba) or "").split("\n\n", 2)[2])
     pictures.draw_all(OUTPUT)
 
 
 def setup(app: Any) -> dict[str, Any]:
-    app.connect("builder-inited", generate)
+    app.connect("builder-inited", draw)
     return {"version": whitted.__version__, "parallel_read_safe": True}
+
+
+if __name__ == "__main__":
+    for page in PAGES:
+        page.write_text(refreshed(page.read_text()))

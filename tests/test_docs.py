@@ -1,5 +1,6 @@
 """The documentation says what the code does."""
 
+import importlib
 import inspect
 import re
 from pathlib import Path
@@ -53,8 +54,26 @@ def test_examples_of_the_scene_format_are_one_scene():
 def test_scene_format_has_the_keys_of_every_table():
     text = (ROOT / "docs/scene_format.md").read_text()
     names = {"scene", "camera", "materials", "checker", *GROUPS, *LIGHTS}
-    included = re.findall(r"\{include\} _generated/keys-(\w+)\.md", text)
-    assert sorted(included) == sorted(names)
+    assert sorted(re.findall(r"<!-- keys-(\w+): ", text)) == sorted(names)
+
+
+@pytest.mark.parametrize("page", ["scene_format", "mitsuba", "command_line"])
+def test_tables_of_the_code_are_up_to_date(page, monkeypatch):
+    """If not: .venv/bin/python docs/generate.py"""
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    generate = importlib.import_module("generate")
+    text = (ROOT / f"docs/{page}.md").read_text()
+    assert generate.refreshed(text) == text
+    assert generate.refreshed(text.replace("|", "")) == text
+
+
+def test_tutorial_shows_what_readers_look_for():
+    text = (ROOT / "docs/tutorial.md").read_text()
+    cells = "\n".join(re.findall(r"```\{code-cell\}\n(.*?)```", text, re.S))
+    for call in ("truth.add(", ".remove(", '"max_depth": ', ".material", "Adam(", ".step()"):
+        assert call in cells
+    for words in ("wt.show(", "`--size 640x480`", "torch_render"):
+        assert words in text
 
 
 def test_reference_has_every_public_name():
