@@ -328,6 +328,9 @@ def bad(**options):
             ValueError,
             r"starts at 2, 2, 4, outside \[5, 9\]",
         ),
+        ({"bounds": [(0, 1)]}, ValueError, r"bounds: expected a dictionary .*, got \[\(0, 1\)\]"),
+        ({"seed": -1, "starts": 2}, ValueError, "seed: expected a whole number from 0 on, got -1"),
+        ({"wrt": f"{WRT[0]}.x"}, KeyError, f"is a component; name the whole parameter, '{WRT[0]}'"),
         ({"method": "sgd"}, ValueError, "expected one of auto, lm, adam, got 'sgd'"),
         ({"iterations": 0}, ValueError, "iterations: expected a whole number from 1 on"),
         ({"starts": 1.5}, ValueError, "starts: expected a whole number from 1 on"),
@@ -376,6 +379,8 @@ def test_target_that_does_not_fit_the_scene_is_refused(ball, target):
             wt.fit(ball, integers, wrt=WRT)
     with pytest.raises(ValueError, match="target: truth values are no radiance; convert them to"):
         wt.fit(ball, target.numpy() > 0, wrt=WRT)
+    with pytest.raises(ValueError, match=r"of numbers, got str; read a file by read_image$"):
+        wt.fit(ball, "target.png", wrt=WRT)
     with pytest.raises(ValueError, match="target: expected an array of numbers, got list"):
         wt.fit(ball, [[0.0], [0.0, 1.0]], wrt=WRT)
     with pytest.raises(ValueError, match=r"view 1: target: expected an image"):

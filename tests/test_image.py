@@ -108,6 +108,13 @@ def test_other_shapes_are_refused(tmp_path, shape):
         write_image(tmp_path / "a.exr", np.zeros(shape))
 
 
+def test_arguments_in_the_other_order(tmp_path, pixels):
+    with pytest.raises(
+        TypeError, match=r"^path: expected the name of a file, got a ndarray; as in"
+    ):
+        write_image(pixels, tmp_path / "a.png")
+
+
 @pytest.mark.parametrize("name", ["a.jpg", "a"])
 def test_other_endings_are_refused(tmp_path, pixels, name):
     with pytest.raises(ValueError, match=r"expected a file name that ends in \.exr or \.png"):

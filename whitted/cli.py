@@ -24,7 +24,7 @@ OPTIONS = {
     "max_depth": "--depth",
     "name": "--wrt",
     "resolution": "--size",
-    **{name: f"--{name}" for name in ("component", "error", "iterations", "mask", "spp")},
+    **{name: f"--{name}" for name in ("component", "error", "iterations", "mask", "seed", "spp")},
     **{name: f"--{name}" for name in ("starts", "terms", "wrt")},
 }
 

@@ -28,7 +28,10 @@ Layer = Annotated[
 ]
 Bounds = Annotated[
     list[str] | None,
-    typer.Option(metavar="NAME=LOW:HIGH", help="The range of a parameter; either end may be left out; may be repeated."),
+    typer.Option(
+        metavar="NAME=LOW:HIGH",
+        help="The range of a parameter; either end may be left out; may be repeated.",
+    ),
 ]
 Mask = Annotated[
     Path | None, typer.Option(help="A picture that is black where the target does not count.")

@@ -4,6 +4,7 @@ EXR holds linear radiance as float32 R, G, B. PNG holds 8-bit sRGB (IEC 61966-2-
 is first clipped to [0, 1]. What other programs write into such files is read as well.
 """
 
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -30,8 +31,14 @@ def write_image(
 
     Raises:
         ValueError: another suffix, or another shape; or integers, which are no radiance.
+        TypeError: what is given first is no path.
         OSError: the file cannot be written; an old one stays as it was.
     """
+    if not isinstance(path, (str, os.PathLike)):
+        raise TypeError(
+            f"path: expected the name of a file, got a {type(path).__name__}; "
+            "as in write_image('a.png', image)"
+        )
     path = Path(path)
     pixels, suffix = rgb(path, image), _suffix(path)
     if suffix == ".exr":
@@ -140,7 +147,10 @@ def numbers(image: object, where: str) -> np.ndarray:
     except (TypeError, ValueError):
         array = np.array(None)
     if array.dtype.kind not in "biuf":
-        raise ValueError(f"{where}: expected an array of numbers, got {type(image).__name__}")
+        remedy = "; read a file by read_image" if isinstance(image, (str, Path)) else ""
+        raise ValueError(
+            f"{where}: expected an array of numbers, got {type(image).__name__}{remedy}"
+        )
     return array
 
 

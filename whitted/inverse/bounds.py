@@ -24,6 +24,10 @@ def bounds_of(scene: Scene, names: list[str], asked: Bounds) -> tuple[np.ndarray
         ValueError: bounds that are not a pair, are the wrong way round, are outside what is legal,
             or exclude the start.
     """
+    if not isinstance(asked, Mapping):
+        raise ValueError(
+            f"bounds: expected a dictionary of names and (lowest, highest), got {asked!r}"
+        )
     for name in asked:
         if name not in names:
             fitted = ", ".join(names)

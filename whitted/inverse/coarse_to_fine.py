@@ -49,6 +49,8 @@ class Plan:
             value = getattr(self, name)
             if value is not None and (not isinstance(value, int) or value < 1):
                 raise ValueError(f"{name}: expected a whole number from 1 on, got {value!r}")
+        if not isinstance(self.seed, (int, np.integer)) or self.seed < 0:
+            raise ValueError(f"seed: expected a whole number from 0 on, got {self.seed!r}")
 
 
 def coarse_to_fine(

@@ -74,6 +74,9 @@ def check_names(names: Iterable[str], known: Mapping[str, object]) -> None:
                     f"'{name}' is a pattern, and names are expected here; give each name, as in "
                     f"dict.fromkeys(scene.parameters('{name}'), value)"
                 )
+            whole, _, component = str(name).rpartition(".")
+            if component in ("x", "y", "z") and whole in known:
+                raise KeyError(f"'{name}' is a component; name the whole parameter, '{whole}'")
             near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.5) or list(known)[:3]
             raise KeyError(f"the scene has no parameter '{name}'; nearest: {', '.join(near)}")
 
