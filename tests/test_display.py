@@ -2,6 +2,7 @@
 
 import io
 import sys
+import time
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -84,8 +85,9 @@ def program(monkeypatch, tmp_path):
 
 def left_in(folder):
     """What is in a folder, as soon as that is nothing."""
-    for process in viewer._running:
-        process.wait(10)
+    until = time.monotonic() + 20
+    while time.monotonic() < until and any(folder.iterdir()):
+        time.sleep(0.01)
     return list(folder.iterdir())
 
 
@@ -118,10 +120,11 @@ def test_show_writes_a_file_where_there_is_no_viewer(program, capfd, monkeypatch
 
 
 def test_show_takes_a_scene(program, tmp_path):
-    program(f'cp "$1" {tmp_path}/seen.png')
+    folder = program(f'cp "$1" {tmp_path}/seen.png')
     scene = wt.load_scene("three_diffuse")
     wt.show(scene)
     assert (tmp_path / "seen.png").read_bytes() == scene._repr_png_()
+    assert left_in(folder) == []
 
 
 def test_show_shows_below_the_cell_of_a_notebook(monkeypatch):

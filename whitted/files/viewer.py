@@ -11,15 +11,8 @@ COMMANDS = (("open",),) if sys.platform == "darwin" else LINUX
 # Seconds after which a command that has not failed shows the picture, and after which the file is
 # removed, which the viewer has read by then
 PATIENCE, KEPT = 2.0, 30.0
-REMOVE = """
-import pathlib, sys, time
-time.sleep(float(sys.argv[1]))
-path = pathlib.Path(sys.argv[2])
-path.unlink(missing_ok=True)
-path.parent.rmdir()
-"""
-# Python warns of a process that is forgotten while it runs
-_running: list[subprocess.Popen[bytes]] = []
+# The shell ends at once, and what it has started goes on
+REMOVE = '(sleep "$1"; rm -f "$2/$3"; rmdir "$2") </dev/null >/dev/null 2>&1 &'
 
 
 def view(path: Path) -> bool:
@@ -30,23 +23,20 @@ def view(path: Path) -> bool:
     """
     if not any(_takes(command, path) for command in COMMANDS if shutil.which(command[0])):
         return False
-    _start([sys.executable, "-I", "-c", REMOVE, str(KEPT), str(path)])
+    removing = ["sh", "-c", REMOVE, "sh", str(KEPT), str(path.parent), path.name]
+    subprocess.run(removing, check=False, start_new_session=True)
     return True
 
 
 def _takes(command: tuple[str, ...], path: Path) -> bool:
     """Whether a command shows a picture; one that cannot ends soon."""
-    try:
-        return _start([*command, str(path)]).wait(PATIENCE) == 0
-    except subprocess.TimeoutExpired:
-        return True
-
-
-def _start(command: list[str]) -> subprocess.Popen[bytes]:
-    """Start a process that prints nothing and outlives this one."""
     quiet = subprocess.DEVNULL
     process = subprocess.Popen(
-        command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True
+        [*command, str(path)], stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True
     )
-    _running[:] = [each for each in _running if each.poll() is None] + [process]
-    return process
+    try:
+        return process.wait(PATIENCE) == 0
+    except subprocess.TimeoutExpired:
+        # It goes on by itself; Python would warn of a process that it knows to be running
+        process.returncode = 0
+        return True
