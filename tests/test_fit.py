@@ -104,7 +104,7 @@ def test_the_start_is_no_iteration(ball, target, method, levels):
     steps = [step.iteration for step in result.history]
     assert steps == ([0, 1] if levels == 1 else [0, 1, 1, 2])
     assert result.iterations == levels
-    told = f"after {levels} iteration{'s' * (levels > 1)}; loss"
+    told = "after 1 iteration; loss" if levels == 1 else "after 2 iterations at 2 resolutions; loss"
     assert told in repr(result)
     # The step has been made
     assert result.parameters[WRT[0]] != list(AWAY[WRT[0]])

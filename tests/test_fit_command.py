@@ -77,7 +77,7 @@ def test_fit_with_all_options(picture, tmp_path, capsys):
     words = f"{FIT} --bound {RADIUS}=0.5:0.95 --gain --method adam --starts 2 --seed 1 --depth 1"
     words += " --size 24x24 --precision double"
     assert call(words, *picture, "--mask", mask, "-o", tmp_path / "out") == 0
-    assert "iterations; loss" in capsys.readouterr().out
+    assert "iterations" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -98,6 +98,8 @@ def test_fit_with_all_options(picture, tmp_path, capsys):
             f"--bound: given twice for {RADIUS}; give both ends in one, LOW:HIGH",
         ),
         (f"--wrt {RADIUS} --bound {RADIUS}=1:2", "starts at 0.9, outside [1, 2]"),
+        (f"--wrt {RADIUS} --bound camera.fov=1:2", "--bound: 'camera.fov' is not among the"),
+        (f"--wrt {RADIUS} --starts 2 --seed -1", "--seed: expected a whole number from 0 on"),
         (f"--wrt {RADIUS} --seed 1", "--seed: there is no random start; give --starts, or leave"),
         (f"--wrt {RADIUS} --wrt {RADIUS}", f"--wrt: '{RADIUS}' is named twice"),
         (f"--wrt {RADIUS} --starts 2 --starts 3", "--starts: given more than once; give it once"),

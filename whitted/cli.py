@@ -87,12 +87,12 @@ def run(arguments: list[str]) -> int:
             else str(error)
         )
     except (ValueError, RuntimeError) as error:
-        message = _with_options(str(error))
+        message = str(error)
     except KeyError as error:
         message = error.args[0]
     if _interrupts:
         return 130
-    print(message, file=sys.stderr)
+    print(_with_options(message), file=sys.stderr)
     return 2
 
 

@@ -67,6 +67,8 @@ class FitResult:
     def summary(self) -> str:
         """How the fit ended, in one line."""
         steps = f"{self.iterations} iteration{'s' if self.iterations != 1 else ''}"
+        sizes = len({step.resolution for step in self.history})
+        steps += f" at {sizes} resolutions" if sizes > 1 else ""
         return f"{self.stopped}, after {steps}; loss {self.loss:.4g}"
 
     def __repr__(self) -> str:
