@@ -334,6 +334,14 @@ def test_comments_stay_with_their_table(tmp_path, change):
 BARE = f"# bare\n{TEXT[TEXT.index('[camera]') : TEXT.index('[[planes]]')]}"
 
 
+def test_line_endings_of_other_systems_stay(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_bytes(COMMENTED.replace("\n", "\r\n").encode())
+    wt.load_scene(path).remove("left").add(MORE).save(path)
+    expected = COMMENTED.replace(LEFT, "").replace(RIGHT, RIGHT + ADDED)
+    assert path.read_bytes() == expected.replace("\n", "\r\n").encode()
+
+
 def test_a_file_without_keys_before_its_tables_gets_one(tmp_path):
     scene = wt.parse_scene(BARE.removeprefix("# bare\n"))
     text = saved(scene.replace({"max_depth": 2}), tmp_path / "a.toml")

@@ -22,7 +22,8 @@ def edited_text(text: str, before: Any, scene: Any) -> str:
     old, new = dictionary_of(before, whole=True), dictionary_of(scene, whole=True)
     if old == new:
         return text
-    blocks = blocks_of(text)
+    ending = "\r\n" if "\r\n" in text else "\n"
+    blocks = blocks_of(text.replace("\r\n", "\n"))
     in_lines = _groups_in_lines(blocks)
     _name(blocks, old)
     places = {
@@ -40,7 +41,7 @@ def edited_text(text: str, before: Any, scene: Any) -> str:
             _edit_block(block, *own, places)
     _edit_root(blocks, old, new, {group for group, _ in added})
     _arrange(blocks, places, added)
-    return "".join(map(str, blocks))
+    return "".join(map(str, blocks)).replace("\n", ending)
 
 
 def _groups_in_lines(blocks: list[Block]) -> set[str]:
