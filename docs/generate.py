@@ -160,8 +160,8 @@ def part(name: str) -> str:
 def refreshed(text: str) -> str:
     """The text of a page with its parts as they are now."""
     return re.sub(
-        r"(<!-- ([\w-]+): made by docs/generate.py -->\n\n).*?(\n<!-- end -->)",
-        lambda found: found[1] + part(found[2]) + found[3],
+        r"(<!-- ([\w-]+): made by docs/generate.py -->\n).*?(<!-- end -->)",
+        lambda found: f"{found[1]}\n{part(found[2])}\n{found[3]}",
         text,
         flags=re.S,
     )
