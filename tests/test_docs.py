@@ -87,6 +87,8 @@ def test_every_page_is_in_the_contents():
     contents = " ".join(re.findall(r"```\{toctree\}\n(.*?)```", text, re.S)).split()
     pages = {page.stem for page in ROOT.glob("docs/*.md")} - {"index"}
     assert pages <= set(contents)
+    # A code host shows links, and no contents
+    assert pages == set(re.findall(r"^- \[.*\]\((\w+)\.md\): ", text, re.M))
 
 
 def test_architecture_has_every_room():
