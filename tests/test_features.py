@@ -120,7 +120,8 @@ REFUSED = {
     "materials.x.shininess": (0, "expected a number > 0"),
     "materials.x.ior": (-0.005, "expected a number > 0"),
     "spheres.sphere0.radius": (-0.005, "expected a number > 0"),
-    "spheres.sphere0.center": ([0, 1e40, 0], "expected three finite numbers"),
+    "spheres.sphere0.center": ([0, 1e40, 0], "expected three finite numbers, of at most 1e+18"),
+    "spheres.sphere0.radius ": (1e-30, "expected a number > 0, of at least 1e-18"),
     "planes.plane0.normal": ([0, 0, 0], "expected a direction, not zero"),
     "camera.fov": (180, "expected an angle in degrees, in (0, 180)"),
 }
@@ -129,6 +130,7 @@ REFUSED = {
 @pytest.mark.parametrize("name", REFUSED)
 def test_replace_refuses_what_files_refuse_in_the_same_words(load, name):
     value, expected = REFUSED[name]
+    name = name.strip()
     with pytest.raises(wt.SceneError) as of_file:
         load(text(name, value))
     assert str(of_file.value).endswith(f": {expected}")

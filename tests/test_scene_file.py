@@ -56,7 +56,10 @@ PROBLEMS = [
     # Numbers that are not, and numbers out of range
     (ball("center = [0, nan, 0]"), f"spheres[0].center = [0, NaN, 0]: {NUMBERS}"),
     (ball("center = [0, inf, 0]"), f"spheres[0].center = [0, Infinity, 0]: {NUMBERS}"),
-    (ball("center = [0, -1e40, 0]"), f"spheres[0].center = [0, -1e+40, 0]: {NUMBERS}"),
+    (
+        ball("center = [0, -1e40, 0]"),
+        f"spheres[0].center = [0, -1e+40, 0]: {NUMBERS}, of at most 1e+18",
+    ),
     (ball("center = [0, 0]"), f"spheres[0].center = [0, 0]: {NUMBERS}"),
     (ball('center = "origin"'), f'spheres[0].center = "origin": {NUMBERS}'),
     (ball("center = [true, 0, 0]"), f"spheres[0].center = [true, 0, 0]: {NUMBERS}"),

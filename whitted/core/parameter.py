@@ -8,7 +8,7 @@ names of parameters, the checks of files and of `Scene.replace`, and the bounds 
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
@@ -43,9 +43,19 @@ class Range:
             return self.low + 1 / LARGEST <= x < self.high
         return self.low - overstep <= x <= self.high + overstep
 
-    def expected(self, size: int) -> str:
-        """What a message says was expected."""
-        return self.one if size == 1 else self.three
+    def expected(self, size: int, given: Iterable[float] = ()) -> str:
+        """What a message says was expected.
+
+        Args:
+            given: the numbers that were not taken; finite ones may be too large, or too small.
+        """
+        words = self.one if size == 1 else self.three
+        given = list(given)
+        if any(LARGEST < abs(x) < math.inf and self.low <= x <= self.high for x in given):
+            return f"{words}, of at most {LARGEST:g}"
+        if self.open and any(self.low < x < self.low + 1 / LARGEST for x in given):
+            return f"{words}, of at least {self.low + 1 / LARGEST:g}"
+        return words
 
 
 ANY = Range("a finite number", "three finite numbers")

@@ -160,7 +160,7 @@ def check_numbers(
         entry = locations[name].entry
         told = f"{name} = {', '.join(f'{x:g}' for x in own)}"
         if not all(entry.legal.holds(x, OVERSTEP) for x in own):
-            expected = entry.legal.expected(entry.size)
+            expected = entry.legal.expected(entry.size, own)
             raise ValueError(f"{told}: expected {expected}{remedy}")
         if entry.legal.direction and not any(own):
             raise ValueError(f"{told}: expected a direction, not zero")

@@ -36,13 +36,17 @@ POINT = next(iter(LIGHTS))
 
 
 def _check(
-    expected: str, accepts: Callable[[Any], bool], convert: Callable[[Any], Any]
+    expected: str | Callable[[Any], str],
+    accepts: Callable[[Any], bool],
+    convert: Callable[[Any], Any],
 ) -> BeforeValidator:
-    """A check of a key's value, with what a message says was expected."""
+    """A check of a key's value, with what a message says was expected, which may depend on it."""
 
     def check(value: Any) -> Any:
         if not accepts(value):
-            raise ValueError(f"expected {expected}")
+            raise ValueError(
+                f"expected {expected if isinstance(expected, str) else expected(value)}"
+            )
         return convert(value)
 
     return BeforeValidator(check)
@@ -51,15 +55,20 @@ def _check(
 def _numbers(size: int, legal: Range) -> Any:
     """The type of one number, or of a vector of them, in a range."""
 
+    def is_real(value: Any) -> bool:
+        return isinstance(value, (int, float)) and not isinstance(value, bool)
+
     def is_number(value: Any) -> bool:
-        return (
-            isinstance(value, (int, float)) and not isinstance(value, bool) and legal.holds(value)
-        )
+        return is_real(value) and legal.holds(value)
 
     def is_vector(value: Any) -> bool:
         return isinstance(value, list) and len(value) == size and all(map(is_number, value))
 
-    expected = legal.expected(size)
+    def expected(value: Any) -> str:
+        parts = value if isinstance(value, list) else [value]
+        real = len(parts) == size and all(map(is_real, parts))
+        return legal.expected(size, parts if real else ())
+
     if size == 1:
         return Annotated[float, _check(expected, is_number, float)]
     return Annotated[
