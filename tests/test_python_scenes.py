@@ -125,6 +125,9 @@ PROBLEMS = {
     ),
     f"spheres.a.material = 5: {MATERIAL}": lambda: sphere(material=5),
     f"spheres.a.material = None: {MATERIAL}": lambda: sphere(material=None),
+    f'sphere.name = "a\\nb": {NAME}': lambda: wt.Sphere(
+        "a\nb", center=(0, 0, 0), radius=1, material="m"
+    ),
     f'sphere.name = "": {NAME}': lambda: wt.Sphere("", center=(0, 0, 0), radius=1, material="m"),
     "spheres.a.center: missing; expected three finite numbers\n"
     f"spheres.a.material: missing; {MATERIAL}\n"
@@ -204,6 +207,16 @@ PROBLEMS = {
     "materials = 5: expected a list, each a Material": lambda: scene(materials=5),
     "fog: unknown key; known are camera, spheres, planes, discs, lights, materials, background, "
     "ambient, max_depth, min_importance, precision": lambda: scene(fog=1),
+    # Else materials.checks.checker.color would be the name of two parameters
+    'materials."checks.checker": taken by materials.checks.checker; names are unique': lambda: (
+        scene(materials=[RED, CHECKS, wt.Material("checks.checker")])
+    ),
+    'materials."red.checker": taken by materials.red.checker; names are unique': lambda: (
+        scene()
+        .add(wt.Material("red.checker"))
+        .remove("ball")
+        .replace({"materials.red.checker": wt.Checkerboard(color=(1, 0, 0), size=2)})
+    ),
     # Of dictionaries
     "expected the tables of a scene, got 5": lambda: wt.Scene.from_dict(5),
     "[1]: unknown key": lambda: wt.Scene.from_dict({1: 2, "camera": scene().to_dict()["camera"]}),

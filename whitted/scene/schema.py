@@ -143,6 +143,7 @@ def _cross_problems(raw: dict[str, Any], where: Callable[..., str]) -> list[str]
     if count > MAX_OBJECTS:
         return [f"{count} shapes and lights: expected at most {MAX_OBJECTS}"]
     found = _camera_problems(_as_table(raw.get("camera")))
+    found += _board_problems(_as_table(raw.get("materials")), where)
     for group, tables in groups.items():
         seen: dict[str, int] = {}
         for i, table in tables:
@@ -190,6 +191,16 @@ def _material_problems(
         flat = f"{', '.join(most)} and {last}"
         return [f"{where}: has a checker, which only {flat} can show"]
     return []
+
+
+def _board_problems(materials: dict[str, Any], where: Callable[..., str]) -> list[str]:
+    """Materials with whose names parameters would have those of a checkerboard."""
+    return [
+        f"{where('materials', f'{name}.checker')}: taken by {where('materials', name, 'checker')}; "
+        "names are unique"
+        for name, table in materials.items()
+        if f"{name}.checker" in materials and _as_table(table).get("checker") is not None
+    ]
 
 
 def _direction_problems(where: str, kind: Any, table: dict[str, Any]) -> list[str]:

@@ -92,7 +92,8 @@ class Thing:
         """The path to the thing."""
         if not self.named:
             return self.group
-        return f"{self.group}.{name}" if name and isinstance(name, str) else self.group[:-1]
+        known = isinstance(name, str) and name and name.isprintable()
+        return f"{self.group}.{name}" if known else self.group[:-1]
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"{name}: a {type(self).__name__} does not change; make a new one")
