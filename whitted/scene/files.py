@@ -45,7 +45,12 @@ def parse_scene(text: str, precision: str = "single") -> Scene:
     Raises:
         SceneError: it is not a valid scene; the message has a line for each problem.
         ValueError: another precision.
+        TypeError: bytes, or a file.
     """
+    if not isinstance(text, str):
+        raise TypeError(
+            f"text: expected a string, got a {type(text).__name__}; load_scene reads a file"
+        )
     return Scene._read(tables_in(text), precision, text=text)
 
 

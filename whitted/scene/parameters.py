@@ -92,9 +92,15 @@ def chosen_names(names: Iterable[str], known: Mapping[str, object]) -> list[str]
 
     Raises:
         KeyError: one is not known, or none matches; the message lists the nearest names.
+        TypeError: one is no string.
     """
     chosen: dict[str, None] = {}
     for name in names:
+        if not isinstance(name, str):
+            raise TypeError(
+                f"expected a name, as in 'spheres.ball.center', got a {type(name).__name__}; "
+                "parameters takes several as arguments of their own"
+            )
         matching = [name]
         if name not in known and "*" in str(name):
             matching = _matching(name, known) or matching
@@ -111,13 +117,16 @@ def remedy_of(values: Mapping[str, Any]) -> str:
     return "; bound the steps of the optimiser" if stepped else ""
 
 
-def as_parameter(name: str, value: object, old: Array) -> Array:
+def as_parameter(name: str, value: Any, old: Array) -> Array:
     """A value as an array of the old one's type.
 
     Raises:
         ValueError: it is not one number, or not one vector, as the old one is.
     """
     want, size = ("one vector of three numbers", 3) if dr.depth_v(old) == 2 else ("one number", 1)
+    if value is not None and dr.is_tensor_v(value) and dr.prod(value.shape) == size:
+        # As arrays, which gradients go through
+        value = value.array if size == 1 else dr.unravel(type(old), value.array)
     if value is not None and dr.is_jit_v(value):
         alike = dr.depth_v(value) == dr.depth_v(old) and dr.size_v(value) == dr.size_v(old)
         if not alike or dr.width(value) != 1:

@@ -155,6 +155,7 @@ class Scene(Contents):
         Raises:
             KeyError: a name that the scene does not have, or a pattern that none matches; the
                 message lists the nearest ones.
+            TypeError: a list of names, say.
         """
         known = self.locations
         values = {name: known[name].read(self) for name in chosen_names(names, known)}
@@ -178,7 +179,13 @@ class Scene(Contents):
                 number that has no meaning, as in a file. Steps of optimisers and of differences may
                 overstep a closed range, such as [0, 1], by 0.01.
             SceneError: another value that a file may not have.
+            TypeError: no dictionary.
         """
+        if not hasattr(values, "keys"):
+            raise TypeError(
+                "replace: expected a dictionary, as in {'spheres.ball.radius': 0.4}, "
+                f"got a {type(values).__name__}"
+            )
         known = self.locations
         if not all(name in known for name in values.keys()):  # noqa: SIM118 (an optimiser's are)
             return self._with_settings(values)
