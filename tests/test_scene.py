@@ -109,6 +109,7 @@ def test_unknown_name_is_refused_with_the_nearest_ones(load, name, near):
         [[1], [2]],
         ad.Array3f64(1),
         ad.Float64(1, 2),
+        ad.TensorXf64([1, 2]),
         object(),
         math.nan,
         math.inf,
@@ -130,6 +131,7 @@ def test_value_that_is_not_one_number_is_refused(load, value):
         [1, 2, None],
         [1, [2], 3],
         ad.Float64(1),
+        ad.TensorXf64([1, 2]),
         ad.Array2f64(1),
         dr.zeros(ad.Array3f64, 2),
     ],
@@ -151,6 +153,8 @@ def test_value_that_is_not_one_vector_is_refused(load, value):
         [1.75],
         ad.Float(1.75),
         ad.Float64(1.75),
+        ad.TensorXf(1.75),
+        ad.TensorXf64([1.75]),
     ],
 )
 def test_a_number_is_taken_in_any_form(load, precision, value):
@@ -171,6 +175,8 @@ def test_a_number_is_taken_in_any_form(load, precision, value):
         np.array([[1], [0.5], [2]]),
         ad.Array3f(1, 0.5, 2),
         ad.Array3f64(1, 0.5, 2),
+        ad.TensorXf([1, 0.5, 2]),
+        ad.TensorXf64([1, 0.5, 2], (1, 3)),
     ],
 )
 def test_a_vector_is_taken_in_any_form(load, precision, value):
@@ -234,6 +240,18 @@ def test_gradients_go_on_to_what_a_parameter_was_computed_from(load):
         gradients.append(dr.grad(outer).numpy()[0])
     # The same sum; the radius is off by a rounding of 0.4
     assert gradients[1] == pytest.approx(2 * gradients[0], rel=1e-12)
+
+
+def test_gradients_go_on_to_tensors(load, precision):
+    center, ior = ad.TensorXf([0, 0, -4]), ad.TensorXf64([1.5])
+    dr.enable_grad(center, ior)
+    read = (
+        load(TEXT, precision)
+        .replace({"background": center, "materials.red.ior": ior})
+        .parameters("background", "materials.red.ior")
+    )
+    dr.backward(read["background"].y * 2 + read["materials.red.ior"] * 3)
+    assert (center.grad.numpy().tolist(), ior.grad.numpy().tolist()) == ([0, 2, 0], [3])
 
 
 def test_replaced_zero_is_compiled(load):
