@@ -265,6 +265,12 @@ PROBLEMS = {
     "lights.key.falloff = \"cubic\": expected 'none' or 'inverse-square'": lambda: scene().replace(
         {"lights.key.falloff": "cubic"}
     ),
+    "camera = 5: expected a Camera ": lambda: scene().replace({"camera": 5}),
+    "lights.key = Material('red', color=(0.8, 0.2, 0.1)): expected a PointLight or a "
+    "DirectionalLight": lambda: scene().replace({"lights.key": RED}),
+    "spheres.ball: the new one's own name is 'a'; add it, and remove 'ball'": lambda: (
+        scene().replace({"spheres.ball": sphere()})
+    ),
     "materials.checks.checker.size: missing; expected a number > 0": lambda: scene().replace(
         {"materials.checks.checker": {"color": (1, 1, 1)}}
     ),
@@ -411,6 +417,35 @@ def test_replace_takes_what_no_gradient_can_change():
     )
     rebuilt = scene().replace({"materials.checks.checker": board})
     assert rebuilt.numbers["materials.checks.checker.size"] == (2,)
+
+
+def test_replace_takes_things_as_a_whole():
+    green = wt.Material("green", color=(0, 1, 0))
+    camera = wt.Camera(
+        position=(0, 0, 4), look_at=(0, 0, 0), fov=40, resolution=(8, 8), up=(1, 0, 0)
+    )
+    ball = wt.Sphere(center=(1, 0, 0), radius=0.25, material=green)
+    sun = wt.DirectionalLight("key", direction=(0, -1, 0), irradiance=(1, 1, 1))
+    red = wt.Material("red", reflection=0.5)
+    changed = scene().replace(
+        {"camera": camera, "spheres.ball": ball, "lights.key": sun, "materials.red": red}
+    )
+    named = wt.Sphere("ball", center=(1, 0, 0), radius=0.25, material="green")
+    expected = wt.Scene(
+        camera,
+        spheres=[named],
+        planes=[FLOOR],
+        lights=[sun],
+        materials=[red, CHECKS, green],
+    )
+    assert changed == expected
+    # A parameter in the same call counts as well, and what stays keeps its gradient
+    values = scene().parameters("camera.fov", "planes.floor.offset")
+    dr.enable_grad(values)
+    moved = scene().replace(values).replace({"camera": camera, "camera.fov": 30})
+    kept = moved.parameters(*values)
+    assert moved.numbers["camera.fov"] == (30,)
+    assert [dr.grad_enabled(kept[name]) for name in values] == [False, True]
 
 
 def test_replace_of_settings_keeps_gradients():

@@ -139,35 +139,64 @@ def check_in_use(tables: Tables, materials: Iterable[str]) -> None:
 
 
 def settings_in(tables: Tables) -> dict[str, tuple[Any, ...]]:
-    """What `Scene.replace` takes beside parameters: names, and the path to each in the tables."""
-    found: dict[str, tuple[Any, ...]] = {"max_depth": (), "min_importance": ()}
-    found |= {f"camera.{key}": ("camera",) for key in Camera.settings()}
+    """The settings that `Scene.replace` takes: names, and the path to each in the tables."""
+    found: dict[str, tuple[Any, ...]] = {key: (key,) for key in ("max_depth", "min_importance")}
+    found |= {f"camera.{key}": ("camera", key) for key in Camera.settings()}
     for group, name, place in _places(tables):
         for key in _kind(group, tables[group][place]).settings():
-            found[f"{group}.{name}.{key}"] = group, place
+            found[f"{group}.{name}.{key}"] = group, place, key
     return found
 
 
+def things_in(tables: Tables) -> dict[str, tuple[Any, ...]]:
+    """The things that it takes as a whole: names, and the path to each in the tables."""
+    found = {f"{group}.{name}": (group, place) for group, name, place in _places(tables)}
+    return found | {"camera": ("camera",)}
+
+
 def replaced(tables: Tables, values: Mapping[str, Any], precision: Precision) -> Tables:
-    """The tables of a scene with other settings, whose names `settings_in` has.
+    """The tables of a scene with other settings and things, by the names of `settings_in` and
+    `things_in`.
 
     Raises:
-        SceneError: the name of a material is taken, or something else is given for a material.
+        SceneError: the name of a material is taken, or something else is given for a thing.
     """
     found: list[str] = []
-    known, result = settings_in(tables), plain(tables)
+    settings, result = settings_in(tables), plain(tables)
+    known = things_in(tables) | settings
     for name, value in values.items():
-        if name.endswith(".material") and not isinstance(value, (str, Material)):
-            found.append(f"{name} = {value!r}: expected a Material, or the name of one")
+        *path, key = known[name]
+        if wrong := _wrong_kind(name, value, name in settings):
+            found.append(wrong)
             continue
         table = result
-        for part in known[name]:
+        for part in path:
             table = table[part]
-        table[name.rpartition(".")[2]] = plain(in_a_table(value))
-        if isinstance(value, Material):
-            _enter(result.setdefault("materials", {}), value, found, precision)
+        table[key] = plain(in_a_table(value)) if name in settings else _whole(name, value)
+        material = value if name in settings else vars(value).get("material")
+        _enter(result.setdefault("materials", {}), material, found, precision)
     _refuse(found)
     return _finished(result)
+
+
+def _wrong_kind(name: str, value: Any, setting: bool) -> str:
+    """What is wrong with a value that `Scene.replace` is given; empty if nothing is."""
+    group, _, own = name.partition(".")
+    if setting:
+        wrong = name.endswith(".material") and not isinstance(value, (str, Material))
+        return f"{name} = {value!r}: expected a Material, or the name of one" if wrong else ""
+    kinds = (Camera,) if group == "camera" else KINDS.get(group, (Material,))
+    if not isinstance(value, kinds):
+        return f"{name} = {value!r}: expected a {' or a '.join(each.__name__ for each in kinds)}"
+    if own and value.name not in (None, own):
+        return f"{name}: the new one's own name is {value.name!r}; add it, and remove '{own}'"
+    return ""
+
+
+def _whole(name: str, thing: Thing) -> Any:
+    """The table of a thing that takes the place, and the name, of another one."""
+    group, _, own = name.partition(".")
+    return _table(thing) | ({"name": own} if group in KINDS else {})
 
 
 def _refuse(found: list[str]) -> None:

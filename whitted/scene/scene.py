@@ -16,7 +16,7 @@ from ..core.parameter import Numbers
 from ..files.atomic import write_text
 from ..mitsuba.writing import write
 from . import things
-from .assemble import added, assembled, check_in_use, removed, replaced, settings_in
+from .assemble import added, assembled, check_in_use, removed, replaced, settings_in, things_in
 from .build import checked, fields_of
 from .camera import view_problem
 from .contents import FIELDS, Contents
@@ -170,7 +170,8 @@ class Scene(Contents):
                 they are given. Also what has no derivative: "spheres.ball.material",
                 "camera.resolution", "camera.up", "max_depth", "min_importance",
                 "materials.glass.fresnel", "materials.white.checker" (a `Checkerboard`, or None),
-                "lights.key.falloff".
+                "lights.key.falloff". And things as a whole: "camera" (a `Camera`), "spheres.ball"
+                (a `Sphere`), "materials.glass" and so on.
 
         Raises:
             KeyError: a name that the scene does not have; the message lists the nearest ones. A
@@ -210,7 +211,7 @@ class Scene(Contents):
     def _with_settings(self, values: Mapping[str, Any]) -> "Scene":
         """The same where some names are not those of parameters."""
         tables = dictionary_of(self)
-        settings = settings_in(tables)
+        settings = things_in(tables) | settings_in(tables)
         check_names(values.keys(), {**self.locations, **settings})
         changed = {name: values[name] for name in values.keys() if name in settings}  # noqa: SIM118
         scene = self._edited(replaced(tables, changed, self.precision), changed)
