@@ -79,6 +79,13 @@ CHANGES = {
         [],
         ["max_depth = 3", 'falloff = "inverse-square"'],
     ),
+    "a light of another kind": (
+        lambda scene: scene.replace(
+            {"lights.key": wt.DirectionalLight(direction=(0, -1, 0), irradiance=(1, 1, 1))}
+        ),
+        ["position = [1, 2, 3]", "intensity = [1, 1, 1]"],
+        ['type = "directional"', "direction = [0.0, -1.0, 0.0]", "irradiance = [1.0, 1.0, 1.0]"],
+    ),
     "a thing less": (
         lambda scene: scene.remove("sphere0"),
         ["[[spheres]]", "center = [0, 0, 0]     # in the middle", "radius = 1", MADE],

@@ -197,7 +197,8 @@ def _edit_list(document: Any, group: str, old: list[Tables], new: list[Tables]) 
 def _edit(document: Any, old: Tables, new: Tables) -> None:
     """Edit a table where its new keys differ from the old ones."""
     for key in old.keys() - new.keys():
-        del document[key]
+        # A default is not written
+        document.pop(key, None)
     for key, value in new.items():
         before = old.get(key)
         if isinstance(value, dict) and before is not None:
