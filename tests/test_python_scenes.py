@@ -540,8 +540,12 @@ def test_unknown_shipped_scene_is_refused_with_the_nearest(tmp_path, monkeypatch
         wt.load_scene("cornel")
     with pytest.raises(wt.SceneError, match="nearest: cornell, cornell_two_lights, glass_pair, "):
         wt.load_scene("xyzxyzxyz")
-    # A file goes before a shipped scene, a folder does not
     monkeypatch.chdir(tmp_path)
+    with pytest.raises(
+        wt.SceneError, match=r"No such file .*; the shipped scene is called 'table'$"
+    ):
+        wt.load_scene("scenes/table.toml")
+    # A file goes before a shipped scene, a folder does not
     (tmp_path / "table").mkdir()
     assert len(wt.load_scene("table").shapes) > 1
     (tmp_path / "cornell").write_text(samples.camera([0, 0, 3]))

@@ -31,7 +31,9 @@ def load_scene(path: str | Path, precision: str = "single") -> Scene:
     try:
         text = path.read_bytes().decode()
     except OSError as error:
-        raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
+        shipped = path.suffix == ".toml" and path.stem in shipped_scenes()
+        hint = f"; the shipped scene is called '{path.stem}'" if shipped else ""
+        raise SceneError(f"{path}: cannot be read: {error.strerror}{hint}") from None
     except UnicodeDecodeError as error:
         raise SceneError(
             f"{path}: not a text file in UTF-8: byte {error.start} is not valid"
