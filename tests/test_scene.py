@@ -113,6 +113,11 @@ def test_unknown_name_is_refused_with_the_nearest_ones(load, name, near):
         object(),
         math.nan,
         math.inf,
+        True,
+        np.True_,
+        "1.5",
+        10**400,
+        1 + 0j,
     ],
 )
 def test_value_that_is_not_one_number_is_refused(load, value):
@@ -129,6 +134,8 @@ def test_value_that_is_not_one_number_is_refused(load, value):
         "red",
         None,
         [1, 2, None],
+        ["1", "2", "3"],
+        [True, 0, 0],
         [1, [2], 3],
         ad.Float64(1),
         ad.TensorXf64([1, 2]),
@@ -173,6 +180,7 @@ def test_a_number_is_taken_in_any_form(load, precision, value):
         (1, 0.5, 2),
         np.array([1, 0.5, 2]),
         np.array([[1], [0.5], [2]]),
+        [ad.Float(1), np.float32(0.5), 2],
         ad.Array3f(1, 0.5, 2),
         ad.Array3f64(1, 0.5, 2),
         ad.TensorXf([1, 0.5, 2]),

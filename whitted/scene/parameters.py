@@ -11,6 +11,7 @@ import numpy as np
 
 from ..core.arrays import Array
 from ..core.parameter import OVERSTEP, Numbers, Parameter, parameters_of
+from .plain import plain
 
 
 @dataclass(frozen=True)
@@ -134,13 +135,20 @@ def as_parameter(name: str, value: Any, old: Array) -> Array:
                 f"{name}: expected {want}, got {type(value).__name__} of shape {dr.shape(value)}"
             )
         return value if type(value) is type(old) else type(old)(value)
-    try:
-        numbers = np.asarray(value, dtype=np.float64).ravel()
-    except (TypeError, ValueError):
-        numbers = np.empty(0)
-    if numbers.size != size or not np.isfinite(numbers).all():
+    numbers = _numbers_in(value)
+    if len(numbers) != size or not np.isfinite(numbers).all():
         raise ValueError(f"{name}: expected {want}, got {value!r}")
-    return type(old)(*numbers.tolist())
+    return type(old)(*numbers)
+
+
+def _numbers_in(value: object) -> list[float]:
+    """The numbers that a value consists of; none if it has something else, as a file may not."""
+    try:
+        parts = np.asarray(plain(value), dtype=object).ravel().tolist()
+        legal = all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in parts)
+        return [float(x) for x in parts] if legal else []
+    except (OverflowError, TypeError, ValueError):
+        return []
 
 
 def numbers_of(arrays: Mapping[str, Array]) -> dict[str, Numbers]:
