@@ -24,7 +24,7 @@ from samples import plane as wall
 from samples import sphere as ball
 
 from whitted import load_scene, render
-from whitted.edges import settings, steep
+from whitted.edges import settings
 from whitted.rendering import job
 from whitted.tracing.primary import camera_frame, primary_ray
 
@@ -452,12 +452,15 @@ def test_derivative_by_what_moves_an_edge_is_that_of_differences(load, kind):
 
 
 @pytest.mark.parametrize(("depth", "spp"), [(4, 1), (6, 1), (8, 4)])
-def test_edges_close_to_a_rim_are_found_from_either_side(load, depth, spp):
+def test_edges_close_to_a_rim_are_found_from_either_side(load, monkeypatch, depth, spp):
     """A picture upside down has the same derivative, upside down.
 
     At the rim of a shell of glass the refracted ray has no weight, and much at the next sample,
     which comes before it or after it. A search that weighs a segment by its first end loses edges.
     """
+    # Also where edges crowd
+    monkeypatch.setattr(settings, "ALL_SEARCHED_SIDE", 1)
+    monkeypatch.setattr(settings, "SEARCHED_SIDE", 1)
     air = material("air", reflection=1.0, refraction=1.0, ior=1.0, fresnel="true")
     shell = ball([0, 0, 0], 1.1, "fresnel") + ball([0, 0, 0], 1.05, "air")
     images = []
@@ -669,8 +672,6 @@ def test_slivers_between_mirrors_need_their_samples_in_pieces(monkeypatch):
         lambda moved: render(loaded.replace(moved), 6400, **options), values, tangents, 3e-5
     )
     errors = []
-    # Without the remedy for single steep samples, which hides the difference
-    monkeypatch.setattr(steep, "STEEP", np.inf)
     for pieces in (4, 1):
         monkeypatch.setattr(settings, "PIECES", pieces)
         errors.append(image_error(derivative(loaded, name, spp=16, **options), reference))

@@ -125,7 +125,7 @@ def test_search_in_parts_is_the_search_in_one(load, monkeypatch, precision):
         return dr.detach(image).numpy(), params[name].grad.numpy(), reports
 
     whole, slope, once = computed()
-    monkeypatch.setattr(settings, "SEARCHED", 2000)
+    monkeypatch.setattr(settings, "SEARCHED", 400)
     image, parts, reports = computed()
     np.testing.assert_array_equal(image, whole)
     # Sums over 12 x 16 pixels in another order

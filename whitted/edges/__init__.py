@@ -35,15 +35,21 @@ The method, on the regular grid of samples with spacing h:
    is right for the edges that it sees. They are joined with weights g_x^4 / (g_x^4 + g_y^4) and
    g_y^4 / (g_x^4 + g_y^4), where g is the gradient of phi in the image. The weights also keep each
    term bounded: g_x^3 / (g_x^4 + g_y^4) <= 1.14 / |g|.
-6. A pixel with three labels or more around it has edges that meet or crowd. It is sampled anew,
-   more finely, with the same method (`refinement.py`; adaptive subdivision: Whitted 1980).
+6. A pixel with three labels or more around it is sampled anew, more finely (`refinement.py`;
+   adaptive subdivision: Whitted 1980). Where there are few labels, edges meet, and the finer
+   samples are searched with the same method. Where there are more, edges crowd. There the pixel is
+   the mean of its samples, and in derivatives an edge between two of them is told from these two
+   alone (`between.py`, `blocks.py`).
 7. What edges moved into a pixel and out of it is cut off at the range of the radiance that the
    pixel's samples saw (`bounds.py`).
-8. In derivatives, a sample on a streak that is narrower than its cell counts for less (`steep.py`).
-   With one sample a pixel, a sample beside an edge that was not found does not count.
+8. Where edges crowd, a sample's derivative counts as far as its neighbours confirm it
+   (`representation.py`). With one sample a pixel, a sample beside an edge that was not found does
+   not count.
 
 The cost follows the number of edges. Each costs a few chains of rays, and those parts of four trees
 of rays that weigh enough to have an edge.
+
+Where edges crowd, each costs a fifth of that, at an error of the order of the samples' distance.
 
 The method leaves three things to the samples. The more samples a pixel has, the less they matter:
 

@@ -38,7 +38,10 @@ WEIGHTS = (".reflection", ".refraction")
 
 @dataclass(frozen=True)
 class MovingPoints:
-    """Points on edges, and what each changes in two pixels as its level function grows."""
+    """Points on edges, and what each changes in two pixels as its level function grows.
+
+    All but `pixel` and `change` may also be Dr.Jit arrays, of whole packets.
+    """
 
     x: np.ndarray
     y: np.ndarray
@@ -145,8 +148,9 @@ class Correction:
         for edges in self.edges:
             place = self.band.lanes(edges.x, edges.y)
             inputs = *self.band.inputs, wrt, tangents, *place, _edge(edges.edge)
-            slope = kernels.levels_jvp(*inputs).numpy()[: len(edges.x)]
-            channels = (edges.change * (channel * slope) for channel in edges.jump)
+            slope = kernels.levels_jvp(*inputs).numpy()[: edges.pixel.shape[1]]
+            jump = (np.array(channel, copy=False)[: len(slope)] for channel in edges.jump)
+            channels = (edges.change * (channel * slope) for channel in jump)
             deposit(image, edges.pixel, *channels)
 
     def adjoint(self, wrt: Parameters, image: Array, terms: str) -> Parameters:
@@ -203,4 +207,8 @@ def _edge(columns: Columns) -> Edge:
 
 def _part(kind: type[Part], columns: Columns) -> Part:
     """An edge's path or event."""
-    return kind(**{column.name: to_lanes(columns[column.name]) for column in fields(kind)})
+    return kind(**{column.name: _in_lanes(columns[column.name]) for column in fields(kind)})
+
+
+def _in_lanes(column: np.ndarray | Array) -> Array:
+    return to_lanes(column) if isinstance(column, np.ndarray) else column

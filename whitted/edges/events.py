@@ -86,12 +86,12 @@ def classify(scene: Scene, a: Node, b: Node, limits: Limits) -> Event:
         event.set(x != y, Kind.TOO_FAINT, other=uint(k))
     for x, y in zip(here.total, there.total, strict=True):
         event.set(x != y, Kind.TOTAL)
-    for k in reversed(range(len(scene.lights))):
-        _classify_light(scene, event, k, here, there, left.at, right.at)
     for axis, (x, y) in enumerate(zip(here.cell, there.cell, strict=True)):
         # The middle one of several borders, so that few rounds of the search find them all
         near = (x != y) & (dr.abs(x - y) <= CELLS)
         event.set(near, Kind.CELL, other=uint(axis), border=real((x + y + 1) >> 1))
+    for k in reversed(range(len(scene.lights))):
+        _classify_light(scene, event, k, here, there, left.at, right.at)
     _classify_hit(scene, event, a.ray, b.ray, here, there)
     return event
 

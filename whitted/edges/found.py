@@ -9,6 +9,7 @@ import numpy as np
 from ..core.arrays import Array
 from ..sampling.band import Band
 from . import settings
+from .blocks import blocks_of
 from .bounds import Cut
 from .correction import Columns, Correction, MovingPoints, joined
 from .events import Kind
@@ -16,8 +17,7 @@ from .grid import Samples
 from .motion import Edge
 from .pairs import Crossings, Pairs, walk_order
 from .quadrature import Extra, intervals_beside, samples_beside
-from .steep import attenuated
-from .tables import concatenated, deposit, rows_of
+from .tables import deposit, rows_of
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,9 @@ class Found:
     """What the search found in a band."""
 
     band: Band
-    image: np.ndarray  # the band's pixels, flat
-    refined: np.ndarray  # the pixels that are sampled anew, in order
+    refined: np.ndarray  # the pixels whose finer samples were searched, in order
     fine: Samples | None  # their samples
+    crowded: np.ndarray  # the pixels where edges crowd, and were not searched, in order
     crossed: list[Crossed]
     lost: np.ndarray  # numbers of samples beside which there are edges that were not found
     cut: Cut
@@ -64,11 +64,8 @@ class Found:
         taken[self.lost] = 1
         if self.fine is not None:
             result.extra.append(_inside(self.fine, 1 - taken[first:]))
-            # Slivers are where edges crowd
-            whole = concatenated(result.extra)
-            crowded = np.isin(whole.pixel, self.refined)
-            steep = attenuated(band, rows_of(whole, np.flatnonzero(crowded)), self.image)
-            result.extra = [rows_of(whole, np.flatnonzero(~crowded)), steep]
+        for block in blocks_of(band, self.crowded):
+            result.extra.append(block.samples_and_edges(result.edges))
         result.weights = self._weights(taken[:first].reshape(shape))
         return result
 
@@ -101,7 +98,8 @@ class Found:
         weights: Array = dr.empty(self.band.structure.precision.real, inner.size)
         regular = weights.numpy().reshape(inner.shape)
         np.subtract(1, inner, out=regular)
-        rows, places = self.refined // columns, self.refined % columns
+        anew = np.concatenate([self.refined, self.crowded])
+        rows, places = anew // columns, anew % columns
         regular.reshape(self.band.rows, side, columns, side)[rows, :, places] = 0
         return weights
 
@@ -110,9 +108,8 @@ def _inside(fine: Samples, weight: np.ndarray) -> Extra:
     """The finer samples inside of pixels, as far as edges leave them."""
     inside = np.flatnonzero((fine.pixel >= 0) & (weight != 0))
     order, not_beside = walk_order(fine.labels.ravel()), np.zeros(len(weight), bool)
-    size = np.full(len(weight), 1 / fine.side)
     columns = fine.x, fine.y, fine.pixel, weight / fine.side**2
-    return rows_of(Extra(*columns, not_beside, order, size, size), inside)
+    return rows_of(Extra(*columns, not_beside, order), inside)
 
 
 def _moving(crossed: Crossed, cut: Cut) -> MovingPoints:

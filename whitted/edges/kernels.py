@@ -18,9 +18,14 @@ from ..scene.features import weights_vary
 from ..scene.structure import Structure
 from ..tracing.node import Limits
 from ..tracing.primary import image_ray
+from . import settings
+from .between import Between, edge_between
 from .labels import labelled_radiance
-from .locate import Crossing, Segment, Shot, cross
+from .locate import Crossing, Segment, cross
 from .motion import Edge, level_jvp, level_vjp
+from .paths import bright_light, dim_light
+from .representation import representation
+from .slopes import Line, Shot
 
 
 @frozen
@@ -42,6 +47,35 @@ def labelled_image(
 
 
 @frozen
+def rows_of_samples(
+    structure: Structure,
+    parameters: Parameters,
+    size: Array,
+    limits: Limits,
+    x: Array,
+    y: Array,
+    step: Array,
+    count: Array,
+    dim: bool,
+) -> Array:
+    """The sum of radiance along rows of samples: that of dim rays, or that of all others.
+
+    Args:
+        x, y: image position of the first sample of each row.
+        step, count: the distance of the samples, and how many they are.
+    """
+    scene, frame = prepare(structure, parameters, size)
+    light = dim_light if dim else bright_light
+
+    def sample(k, total):
+        ray = image_ray(frame, size, x + step * type(x)(k), y)
+        return k + 1, total + light(scene, ray, limits, _dim(limits))
+
+    state = dr.zeros(ad.UInt, dr.width(x)), dr.zeros(type(scene.background), dr.width(x))
+    return dr.while_loop(state, lambda k, _: k < count, sample, mode="symbolic", label="row")[1]
+
+
+@frozen
 def labelled_samples(
     structure: Structure, parameters: Parameters, size: Array, limits: Limits, x: Array, y: Array
 ) -> tuple[Array, Array]:
@@ -49,6 +83,70 @@ def labelled_samples(
     scene, frame = prepare(structure, parameters, size)
     color, label = labelled_radiance(scene, image_ray(frame, size, x, y), limits)
     return in_lanes(x, color), in_lanes(x, label)
+
+
+@frozen
+def bright_samples(
+    structure: Structure, parameters: Parameters, size: Array, limits: Limits, x: Array, y: Array
+) -> tuple[Array, Array]:
+    """Radiance of samples at image positions without that of dim rays, and their labels."""
+    scene, frame = prepare(structure, parameters, size)
+    least = _dim(limits)
+    color, label = labelled_radiance(scene, image_ray(frame, size, x, y), limits, least)
+    return in_lanes(x, color), in_lanes(x, label)
+
+
+@frozen
+def edges_between(
+    structure: Structure, parameters: Parameters, size: Array, limits: Limits, line: Line
+) -> Between:
+    """The edges between samples that are close to each other."""
+    shot = Shot(*prepare(structure, parameters, size), size, limits)
+    found = edge_between(shot, line, _dim(limits))
+    return like(found, [in_lanes(line.x, array) for array in leaves(found)])
+
+
+@frozen
+def representative(
+    structure: Structure,
+    parameters: Parameters,
+    size: Array,
+    limits: Limits,
+    x: Array,
+    y: Array,
+    place: Array,
+    row: Array,
+    step: Array,
+    color: Array,
+    label: Array,
+) -> Array:
+    """How well samples' derivatives stand for their cells, as `representation` says.
+
+    Args:
+        place: of each sample among all that were traced; 0 for none, as in lanes that fill up the
+            last packet.
+        row: how many places further the sample below is.
+        step: the distance of neighbours.
+        color, label: of all samples that were traced.
+    """
+    scene, frame = prepare(structure, parameters, size)
+
+    def aside(dx, dy):
+        ray = image_ray(frame, size, x + dx, y + dy)
+        return labelled_radiance(scene, ray, limits, _dim(limits))
+
+    def traced(where):
+        return tuple(dr.gather(type(of), of, where, place > 0) for of in (color, label))
+
+    around = [(traced(place - way), traced(place + way)) for way in (1, row)]
+    return in_lanes(x, representation(traced(place), around, aside, step))
+
+
+def _dim(limits: Limits) -> Array:
+    """The weight below which rays are too dim for derivatives of samples that stand for a part of a
+    pixel.
+    """
+    return limits.faint * (settings.LEAST_WEIGHT_BESIDE / settings.LEAST_WEIGHT)
 
 
 @frozen

@@ -142,14 +142,29 @@ def with_node(scene: Scene, seen: Visit, label: Halves, limits: Limits) -> Halve
     return tuple(dr.select(weight >= least, _mix(half, decided), half) for least, half in pairs)
 
 
-def labelled_radiance(scene: Scene, ray: Ray, limits: Limits) -> tuple[Array, Array]:
-    """Radiance along rays, and the labels of their trees."""
+def heavy(seen: Visit, least: Array | None) -> list[Array]:
+    """For each child of a node, Bool: it is traced, and weighs enough."""
+    if least is None:
+        return seen.traced
+    weight = seen.node.weight
+    return [b.active & (dr.abs(weight * b.weight) >= least) for b in seen.branches]
+
+
+def labelled_radiance(
+    scene: Scene, ray: Ray, limits: Limits, least: Array | None = None
+) -> tuple[Array, Array]:
+    """Radiance along rays, and the labels of their trees.
+
+    Args:
+        least: the least weight of the nodes whose light counts; below that of those in labels.
+    """
 
     def step(node: Node, state: tuple[Array, Halves]) -> tuple:
         seen = visit(scene, node, limits)
         light, label = state
         light = dr.fma(node.weight, emitted(scene, node.ray, seen.at), light)
-        return (light, with_node(scene, seen, label, limits)), seen.children, seen.traced
+        label = with_node(scene, seen, label, limits)
+        return (light, label), seen.children, heavy(seen, least)
 
     width = dr.width(ray)
     state = dr.zeros(type(ray.o), width), first_label(scene, limits, width)

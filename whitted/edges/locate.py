@@ -7,53 +7,33 @@ from typing import Any
 import drjit as dr
 from drjit.llvm import ad
 
-from ..autodiff.propagate import push_forward
 from ..core.arrays import Array, precision_of
-from ..core.numerics import smooth_step
-from ..core.ray import Ray
-from ..scene.scene import Scene
-from ..tracing.node import Limits, Node, visit
-from ..tracing.primary import CameraFrame, image_ray
-from ..tracing.surface import boards
-from .events import Kind, board_place, classify, crease_cosines, has_rooted_outline, level_function
+from ..tracing.node import Node, visit
+from .events import Event, Kind, classify, has_rooted_outline, level_function
 from .labels import decide, decisions_differ, labels_differ
-from .motion import Edge, level_jvp
+from .motion import Edge
 from .paths import Path, contrasted, follow, strongest_difference
 from .settings import (
-    CELLS,
-    FAR_CELLS,
-    FULL_MOTION_CELLS,
+    FADING,
     GAP,
     GAP_ULPS,
     GRAZING,
-    LEAST_TILT,
     ON_SAMPLE,
     ROOT_STEPS,
     ROOT_TOLERANCE,
     SLIGHT,
 )
+from .slopes import Line, Shot, areas, slopes_of
 
 
 @dataclass
-class Segment:
-    """What is to be searched of the line from a sample a to its right or lower neighbour b.
+class Segment(Line):
+    """What is to be searched of a line between two samples."""
 
-    Distances are from a, in pixels. (Not frozen: Dr.Jit's loops write to their state.)
-    """
-
-    x: Array  # image position of a
-    y: Array
-    vertical: Array  # Bool: b is below, not to the right
-    length: Array  # from a to b
     start: Array
     stop: Array
     label_start: Array  # UInt32 or UInt64: the labels at start and stop
     label_stop: Array
-
-    def at(self, along: Array) -> tuple[Array, Array]:
-        """The image position at a distance from a."""
-        right, down = dr.select(self.vertical, 0, along), dr.select(self.vertical, along, 0)
-        return self.x + right, self.y + down
 
 
 @dataclass
@@ -81,36 +61,10 @@ class Crossing:
     edge: Edge
 
 
-@dataclass(frozen=True)
-class Shot:
-    """A scene as the camera of an image of some size sees it."""
-
-    scene: Scene
-    frame: CameraFrame
-    size: Array
-    limits: Limits
-
-    def ray(self, segment: Segment, along: Array) -> Ray:
-        """The ray through a place on a segment."""
-        return image_ray(self.frame, self.size, *segment.at(along))
-
-
-@dataclass(frozen=True)
-class _Slopes:
-    """What an edge's level function does around the edge."""
-
-    along: Array  # its slope along the segment, per pixel
-    across: Array  # and across it
-    counts: Array  # how much of the edge's motion counts
-    # The cosines at which the surfaces of a crease are met, in units of the angle that the ray
-    # turns by from one sample to the next
-    cosines: tuple[Array, Array]
-
-
 def cross(shot: Shot, segment: Segment) -> Crossing:
     """Find an edge in a segment, and look at both its sides."""
     along, edge, reach = _locate(shot, segment)
-    slopes = _slopes(shot, segment, along, edge)
+    slopes = slopes_of(shot, segment, along, edge, FADING)
     finite = dr.isfinite(along) & dr.isfinite(slopes.along) & dr.isfinite(slopes.across)
     valid = (edge.event.kind != Kind.NOTHING) & finite & (slopes.along != 0)
     precision = precision_of(along)
@@ -124,7 +78,7 @@ def cross(shot: Shot, segment: Segment) -> Crossing:
     on, other = slopes.cosines
     grazes = (on < GRAZING) | (other < GRAZING)
     rooted = has_rooted_outline(shot.scene, edge.event)
-    weight, moved, change = _areas(segment, along, slopes, valid)
+    weight, moved, change = areas(segment, along, slopes, valid)
     return Crossing(
         found=found,
         along=along,
@@ -142,33 +96,6 @@ def cross(shot: Shot, segment: Segment) -> Crossing:
         gap=gap,
         edge=edge,
     )
-
-
-def _areas(
-    segment: Segment, along: Array, slopes: _Slopes, valid: Array
-) -> tuple[Array, tuple[Array, Array], tuple[Array, Array]]:
-    """The share of the edge, and the areas that it moves between the cells of a and b.
-
-    The segment's line stands for a strip as wide as the segment is long. In it the edge is
-    straight.
-
-    Returns:
-        The share, the areas, and the areas for a unit of growth of the level function.
-    """
-    slope, across, length = slopes.along, slopes.across, segment.length
-    # Scaled, since fourth powers would leave the range of single precision
-    largest = dr.fmax(dr.abs(slope), dr.abs(across))
-    u, v = dr.square(slope / largest), dr.square(across / largest)
-    weight = dr.select(valid, u * u / dr.fma(u, u, v * v), 0)
-    # Half of how far the edge shifts along the pair, from one line of samples to the next
-    tilt = length / 2 * dr.fmin(dr.fmax(dr.abs(across / slope), LEAST_TILT), 1)
-    past = along - length / 2
-    within = -(tilt - past) * (tilt - past) / (4 * tilt)
-    a = dr.select(dr.abs(past) < tilt, within, dr.fmin(past, 0))
-    moved = a * (weight * length), (past - a) * (weight * length)
-    share = dr.fmin(dr.fmax(0.5 - past / (2 * tilt), 0), 1)
-    growth = -length * slopes.counts * weight / slope
-    return weight, moved, (share * growth, (1 - share) * growth)
 
 
 def _both_sides(
@@ -209,26 +136,36 @@ def _locate(shot: Shot, segment: Segment) -> tuple[Array, Edge, Array]:
     low, high, a, b = _halve(shot, segment, path, flip.a, flip.b)
     event = classify(scene, a, b, limits)
 
-    def value(node: Node) -> Array:
-        level, faint = level_function(scene, node, event, limits)
-        return level + faint * node.weight
-
-    # Where an edge is right at a sample, rounding decides which side that is on, and the level's
-    # sign
-    ends: list[Any] = [value(a), value(b)]
-    largest = dr.fmax(dr.abs(ends[0]), dr.abs(ends[1]))
-    rounded = ends[0] * ends[1] > 0
-    ends = [dr.select(rounded & (dr.abs(end) < ON_SAMPLE * largest), 0, end) for end in ends]
-    changes_sign = (ends[0] * ends[1] <= 0) & (largest > 0)
-    crosses = (flip.weight > 0) & (event.kind != Kind.NOTHING) & changes_sign
+    ends, crosses = end_levels(shot, event, a, b)
+    crosses &= flip.weight > 0
 
     def level_at(along: Array) -> Array:
-        return value(follow(scene, shot.ray(segment, along), path, limits))
+        return level(shot, event, follow(scene, shot.ray(segment, along), path, limits))
 
     along = _root(level_at, low, high, ends[0], ends[1], crosses)
     there = crosses & (along >= segment.start) & (along <= segment.stop)
     event.kind = dr.select(there, event.kind, Kind.NOTHING)
     return along, Edge(path, event), dr.fmax(dr.abs(a.weight), dr.abs(b.weight))
+
+
+def level(shot: Shot, event: Event, node: Node) -> Array:
+    """An event's level function at a node."""
+    value, faint = level_function(shot.scene, node, event, shot.limits)
+    return value + faint * node.weight
+
+
+def end_levels(shot: Shot, event: Event, a: Node, b: Node) -> tuple[list[Array], Array]:
+    """An event's level function at two nodes, and Bool: it is zero in between.
+
+    Where an edge is right at a sample, rounding decides which side that is on, and the level's
+    sign.
+    """
+    ends: list[Any] = [level(shot, event, a), level(shot, event, b)]
+    largest = dr.fmax(dr.abs(ends[0]), dr.abs(ends[1]))
+    rounded = ends[0] * ends[1] > 0
+    ends = [dr.select(rounded & (dr.abs(end) < ON_SAMPLE * largest), 0, end) for end in ends]
+    changes_sign = (ends[0] * ends[1] <= 0) & (largest > 0)
+    return ends, (event.kind != Kind.NOTHING) & changes_sign
 
 
 def _halve(
@@ -245,37 +182,6 @@ def _halve(
     same = ~decisions_differ(decided(a), decided(there))
     low, high = dr.select(same, middle, low), dr.select(same, high, middle)
     return low, high, dr.select(same, there, a), dr.select(same, b, there)
-
-
-def _slopes(shot: Shot, segment: Segment, along: Array, edge: Edge) -> _Slopes:
-    """The slopes of an edge's level function, by moving the image position."""
-    directions = []
-    for axis in range(2):
-        at = dr.detach(segment.at(along))
-        dr.enable_grad(at[axis])
-        ray = image_ray(shot.frame, shot.size, *at)
-        dr.set_grad(at[axis], 1)
-        push_forward(at[axis])
-        directions.append((dr.grad(ray.o), dr.grad(ray.d)))
-    still, limits = dr.detach(ray), shot.limits
-    (right, down), arriving = level_jvp(shot.scene, {}, still, directions, limits, edge)
-    vertical, length = segment.vertical, segment.length
-    turn = dr.norm(dr.select(vertical, down.turn, right.turn)) * length
-    on, other = crease_cosines(shot.scene, arriving, edge.event)
-    counts = type(along)(1)
-    if boards(shot.scene):
-        across = dr.fmax(dr.abs(right.column), dr.abs(right.row))
-        most = dr.fmax(across, dr.fmax(dr.abs(down.column), dr.abs(down.row))) * length
-        away = board_place(shot.scene, arriving, edge.event)[2]
-        small = smooth_step(FULL_MOTION_CELLS, CELLS, most)
-        small *= smooth_step(FAR_CELLS / 2, FAR_CELLS, away)
-        counts = dr.select(edge.event.kind == Kind.CELL, 1 - small, 1)
-    return _Slopes(
-        along=dr.select(vertical, down.level, right.level),
-        across=dr.select(vertical, right.level, down.level),
-        counts=counts,
-        cosines=(on / turn, other / turn),
-    )
 
 
 def _root(

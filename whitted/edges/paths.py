@@ -21,6 +21,7 @@ from .labels import (
     decide,
     decisions_differ,
     first_label,
+    heavy,
     joined,
     labelled_radiance,
     least_weights,
@@ -104,6 +105,34 @@ def contrasted(scene: Scene, ray: Ray, path: Path, limits: Limits) -> tuple[Arra
     state = dr.zeros(type(ray.o), width), first_label(scene, limits, width)
     light, label = walk(scene, limits, root, state, step, "contrasted")
     return light, joined(label)
+
+
+def bright_below(scene: Scene, root: Node, limits: Limits, least: Array) -> Array:
+    """Radiance of a node and of what is below it and weighs enough, times the weights."""
+
+    def step(node, light):
+        seen = visit(scene, node, limits)
+        light = dr.fma(node.weight, emitted(scene, node.ray, seen.at), light)
+        return light, seen.children, heavy(seen, least)
+
+    return walk(scene, limits, root, dr.zeros(type(root.o), dr.width(root)), step, "bright")
+
+
+def bright_light(scene: Scene, ray: Ray, limits: Limits, least: Array) -> Array:
+    """Radiance along rays, but for what comes from nodes that weigh too little."""
+    return bright_below(scene, Node.first(ray), limits, least)
+
+
+def dim_light(scene: Scene, ray: Ray, limits: Limits, least: Array) -> Array:
+    """Radiance along rays that comes from nodes that weigh too little."""
+
+    def step(node, light):
+        seen = visit(scene, node, limits)
+        weight = dr.select(dr.abs(node.weight) < least, node.weight, 0)
+        light = dr.fma(weight, emitted(scene, node.ray, seen.at), light)
+        return light, seen.children, seen.traced
+
+    return walk(scene, limits, Node.first(ray), dr.zeros(type(ray.o), dr.width(ray)), step, "dim")
 
 
 @dataclass

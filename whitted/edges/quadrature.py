@@ -51,8 +51,6 @@ class Extra:
     weight: np.ndarray  # what the sample counts for in its pixel
     beside: np.ndarray  # bool: it is beside an edge
     order: np.ndarray  # of `walk_order`
-    width: np.ndarray  # what it stands for of the image, in pixels
-    height: np.ndarray
 
 
 def intervals_beside(
@@ -116,16 +114,10 @@ def samples_beside(interval: Interval, pieces: int, pixel: np.ndarray, order: np
     """
     x, y, weight, in_b, behind = nodes(interval, pieces)
     pixel, order = np.where(in_b, *pixel[::-1]), np.where(behind, *order[::-1])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        along, across = weight / interval.weight, np.broadcast_to(interval.length, x.shape)
-    width, height = (
-        np.where(interval.vertical, *sides) for sides in ((across, along), (along, across))
-    )
     kept = np.flatnonzero((weight > 0) & (pixel >= 0))
-    x, y, pixel, weight, order, width, height = (
-        column.ravel().take(kept) for column in (x, y, pixel, weight, order, width, height)
-    )
-    return Extra(x, y, pixel, weight, np.ones(len(x), bool), order, width, height)
+    columns = (column.ravel().take(kept) for column in (x, y, pixel, weight, order))
+    x, y, pixel, weight, order = columns
+    return Extra(x, y, pixel, weight, np.ones(len(x), bool), order)
 
 
 def nodes(interval: Interval, pieces: int) -> tuple[np.ndarray, ...]:

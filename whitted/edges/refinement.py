@@ -1,31 +1,80 @@
 """Which pixels are sampled anew, and how finely: those where edges meet or crowd.
 
-A pair of samples sees one edge well. Where three labels or more are around a pixel, edges meet, or
-several lie between two samples. The corrections of pairs would overlap there. Such a pixel is
-sampled anew, with more samples and with pairs of its own (adaptive subdivision: Whitted 1980).
+A pair of samples sees one edge well. Where three labels or more are around a pixel, the corrections
+of pairs would overlap. Such a pixel is sampled anew (adaptive subdivision: Whitted 1980).
 
-With n x n samples, n up to 4, such a pixel gets 4 n x 4 n. With more samples fewer edges crowd, and
-2 n x 2 n are enough.
+Where few labels are around it, edges meet. The pixel gets finer samples, whose pairs are searched
+for edges as all others are. Where there are more labels, edges crowd, and to search for all of them
+would cost more than it is worth. Such a pixel is the mean of many samples. For its derivatives see
+`blocks.py`.
 """
 
+import drjit as dr
 import numpy as np
+from drjit.llvm import ad
 
+from ..core.host import chunks, stacked, to_numpy
+from ..sampling.band import Band
+from ..scene.features import reflects
+from . import kernels, settings
 from .grid import Samples, label_counts
 
 
 def finer_side(side: int) -> int:
-    """Samples along the side of a pixel that is sampled anew."""
+    """Samples along the side of a pixel where edges meet.
+
+    With more samples fewer edges meet between two, and fewer of the finer samples are enough.
+    """
     return side * (4 if side <= 4 else 2)
 
 
-def pixels_to_refine(samples: Samples, ends: np.ndarray) -> np.ndarray:
-    """The pixels of a band to sample anew, in order.
+def crowd_side(side: int) -> int:
+    """Samples along the side of a pixel where edges crowd."""
+    return {1: 6, 2: 12, 3: 12}.get(side, 4 * side)
+
+
+def crowd_means(band: Band, pixels: np.ndarray) -> np.ndarray:
+    """Radiance of pixels where edges crowd: (N, 3).
+
+    Dim rays have few edges that are seen. They are left out of the finer samples; their light is
+    that of as many samples as a pixel has elsewhere.
+
+    Args:
+        pixels: numbers in the band.
+    """
+    means = _means(band, pixels, crowd_side(band.side), dim=False)
+    if reflects(band.structure.filled(band.parameters)):
+        means += _means(band, pixels, band.side, dim=True)
+    return means
+
+
+def _means(band: Band, pixels: np.ndarray, side: int, dim: bool) -> np.ndarray:
+    """The mean light of dim rays, or of all others, in pixels with so many samples: (N, 3)."""
+    columns, first = band.resolution[0], (np.arange(side) + 0.5) / side
+    step, count = dr.opaque(band.structure.precision.real, 1 / side), dr.opaque(ad.UInt, side)
+    means = np.empty((len(pixels), 3), band.dtype)
+    for part in chunks(len(pixels), settings.SAMPLES // side**2):
+        own = pixels[part]
+        x = np.repeat(own % columns + first[0], side)
+        y = (own // columns + band.first_row + first[:, None]).T.ravel()
+        total = kernels.rows_of_samples(*band.inputs, *band.lanes(x, y), step, count, dim)
+        rows = stacked(to_numpy(total), slice(len(x))).reshape(3, -1, side)
+        means[part] = rows.sum(-1).T / side**2
+    return means
+
+
+def pixels_to_refine(samples: Samples, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The pixels of a band to sample anew, in order: where edges meet, and where they crowd.
 
     Args:
         ends: (2, N), the pixels of neighbours with different labels.
     """
     pixels = crowded(ends, samples.side)
-    return pixels[label_counts(samples, pixels) > 2]
+    count = label_counts(samples, pixels)
+    most = settings.MEETING[samples.side > 1]
+    if samples.side >= settings.ALL_SEARCHED_SIDE:
+        most = samples.labels.size
+    return pixels[(count > 2) & (count <= most)], pixels[count > most]
 
 
 def crowded(ends: np.ndarray, side: int) -> np.ndarray:

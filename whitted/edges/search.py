@@ -21,7 +21,7 @@ from .grid import (
 )
 from .locate import Crossing, Segment
 from .pairs import Crossings, Moves, Pairs, interleaved, pairs_of
-from .refinement import finer_side, pixels_to_refine
+from .refinement import crowd_means, crowd_side, finer_side, pixels_to_refine
 from .tables import concatenated, deposit, rows_of
 
 # Called with the fraction done
@@ -41,8 +41,9 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
     grid = labels.numpy().reshape((band.rows + 2) * side, -1)
     samples = band_samples(grid, side, band.first_row)
     neighbours = neighbours_across_edges(samples)
-    refined = pixels_to_refine(samples, neighbours[-1])
-    parts = list(_parts(band, neighbours[-1], refined))
+    anew = pixels_to_refine(samples, neighbours[-1])
+    searched = keep and side >= settings.SEARCHED_SIDE
+    parts = list(_parts(band, neighbours[-1], *anew, searched))
     found = []
     for done, (first, rows) in enumerate(parts, 1):
         part = band
@@ -52,9 +53,15 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
             samples = band_samples(own, side, part.first_row)
             neighbours = neighbours_across_edges(samples)
         start, stop = first * width, (first + rows) * width
-        own_refined = refined[slice(*np.searchsorted(refined, (start, stop)))] - start
-        search = _Search(part, keep, image[start * 3 : stop * 3], samples, own_refined)
+        meet, crowd = (some[slice(*np.searchsorted(some, (start, stop)))] - start for some in anew)
+        pixels = image[start * 3 : stop * 3]
+        if searched:
+            search = _Search(part, keep, pixels, samples, np.union1d(meet, crowd), crowd[:0])
+        else:
+            search = _Search(part, keep, pixels, samples, meet, crowd)
         search.run(*neighbours)
+        if crowd.size:
+            pixels.reshape(-1, 3)[crowd] = crowd_means(part, crowd)
         if keep:
             found.append(search.found())
         # Parts cost about the same, however many rows they have
@@ -62,21 +69,27 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
     return flat, found
 
 
-def _parts(band: Band, ends: np.ndarray, refined: np.ndarray) -> Iterator[tuple[int, int]]:
+def _parts(
+    band: Band, ends: np.ndarray, refined: np.ndarray, crowded: np.ndarray, searched: bool
+) -> Iterator[tuple[int, int]]:
     """First row and rows of the parts of a band that are searched one after the other.
 
-    What a row costs is told by its pairs of neighbours, and by its pixels that are sampled anew.
+    What a row costs is told by its pairs of neighbours, and by its pixels that are sampled anew. A
+    pair costs as much as sixteen samples where edges crowd.
 
     Args:
         ends: (2, N), the pixels of neighbours with different labels.
-        refined: the pixels that are sampled anew.
+        refined, crowded: the pixels that are sampled anew.
+        searched: crowds are searched as well.
     """
     finer, width = finer_side(band.side) ** 2, band.resolution[0]
-    if ends.shape[1] + finer * refined.size <= settings.SEARCHED:
+    dense = finer if searched else crowd_side(band.side) ** 2 // 16
+    if ends.shape[1] + finer * refined.size + dense * crowded.size <= settings.SEARCHED:
         yield 0, band.rows
         return
     cost = np.bincount(np.maximum(*ends) // width, minlength=band.rows)
     cost += finer * np.bincount(refined // width, minlength=band.rows)
+    cost += dense * np.bincount(crowded // width, minlength=band.rows)
     number = (np.cumsum(cost) - cost) // settings.SEARCHED
     starts = np.flatnonzero(np.diff(number, prepend=-1))
     for first, stop in zip(starts, np.append(starts[1:], band.rows), strict=True):
@@ -90,10 +103,17 @@ class _Search:
     """
 
     def __init__(
-        self, band: Band, keep: bool, image: np.ndarray, samples: Samples, refined: np.ndarray
+        self,
+        band: Band,
+        keep: bool,
+        image: np.ndarray,
+        samples: Samples,
+        refined: np.ndarray,
+        crowded: np.ndarray,
     ) -> None:
         self.band, self.keep, self.image, self.samples = band, keep, image, samples
-        self.refined = refined  # the pixels that are sampled anew, in order
+        self.refined = refined  # the pixels whose finer samples are searched, in order
+        self.crowded = crowded  # the pixels that are not searched, in order
         self.fine: Samples | None = None  # their samples
         self.fine_range = np.zeros((2, 3, 0), image.dtype)  # and the range of their radiance
         self.moves: dict[int, list[Moves]] = {}  # by the round of the search
@@ -114,7 +134,7 @@ class _Search:
 
         # Pixels that are sampled anew have pairs of their own
         apart = np.zeros(len(self.image) // 3 + 1, bool)
-        apart[self.refined] = apart[-1] = True
+        apart[self.refined] = apart[self.crowded] = apart[-1] = True
         ends[apart.take(ends)] = -1
         kept = np.flatnonzero(np.maximum(*ends) >= 0)
         pairs = pairs_of(samples, a.take(kept), b.take(kept), ends.take(kept, 1))
@@ -129,8 +149,8 @@ class _Search:
     def found(self) -> Found:
         """What the derivatives of the pixels need."""
         lost = np.concatenate(self.lost)
-        more = self.refined, self.fine, self.crossed, lost, self.cut
-        return Found(self.band, self.image, *more)
+        anew = self.refined, self.fine, self.crowded
+        return Found(self.band, *anew, self.crossed, lost, self.cut)
 
     def trace(
         self, fine: Samples, places: np.ndarray

@@ -17,12 +17,13 @@ LEAST_HIGHLIGHT = 1e-3
 # With more cells of a checkerboard than this between two samples, the cells' edges are left to the
 # samples: there are too many to find.
 CELLS = 4
-# The motion of a cell's edge counts in full up to this many cells from one sample to the next. It
-# fades out up to CELLS. Were it to end at once, the last edge would lack the one that cancels it.
-FULL_MOTION_CELLS = 1
-# It also counts in full nearer to the eye than half this distance, in cells; it may fade from this
-# distance on. Cells crowd only far away.
-FAR_CELLS = 16
+# The motion of a cell's edge counts in full up to the first number of cells from one sample to the
+# next, and fades out up to the second. Were it to end at once, the last edge would lack the one
+# that cancels it. It also counts in full nearer to the eye than half the third number, in cells;
+# from that distance on it may fade. Cells crowd only far away.
+FADING = 1, CELLS, 16
+# The same between finer samples, where only one edge is looked for.
+FADING_BETWEEN = 1 / 4, 1, 8
 
 # How often the rest of a segment is searched for more edges, with several samples a pixel and with
 # one. Glass mirrors all that is around it, so segments beside its outline often cross dozens of
@@ -55,15 +56,27 @@ PIECES = 4
 # A pixel is cut off if it is outside of what its samples saw by this part of that range. Less is
 # rounding.
 LEAST_CUT = 1e-4
-# A sample's derivative counts in full if its radiance changes by less than so many times itself
-# over its cell; and how far aside that is looked at, in pixels.
-STEEP, STEP_ASIDE = 2, 2.0**-9
-# A sample is in a sliver if an edge is that close, and its cell is more than so many times as wide.
-SLIVER = 16
+# Edges meet in a pixel, and do not crowd, with up to so many labels around it: with one sample a
+# pixel, and with several.
+MEETING = 3, 4
+# With so many samples along a pixel's side, what costs a search saves is no longer worth its error.
+# From the first number on, derivatives have crowds searched as well; from the second on, images.
+SEARCHED_SIDE, ALL_SEARCHED_SIDE = 4, 5
+# In pixels where edges crowd, the edge between two samples is left out if their radiance
+# differs by less than this part of the greatest radiance in the pixel.
+LEAST_CONTRAST = 1 / 64
+# A pixel where edges crowd has much of an edge in it if the contrasts of its pairs add up to more
+# than this, times the samples along its side.
+BUSY = 1
+# The part of the cell of a sample inside a silhouette that moves with the silhouette.
+ROOTED_PART = 0.6
+# How far aside the slope of a sample's radiance is looked at, in pixels; and how much radiance may
+# change from a sample to a neighbour behind an edge, as a part of its own.
+STEP_ASIDE, MOST_CHANGE = 2.0**-9, 1 / 4
 
 # Pairs of samples and finer samples that are searched at once, about. More take more memory, and
 # keep Ctrl-C waiting.
-SEARCHED = 1 << 16
+SEARCHED = 1 << 18
 # Lanes of one call of a kernel for samples, at most.
 SAMPLES = 1 << 20
 # The same for edges and derivatives, which keep much more for each lane.

@@ -154,7 +154,7 @@ class BoundaryJob(Job):
         for found in self.found[first]:
             pixels = part
             if len(self.found[first]) > 1:
-                stop = start + len(found.image)
+                stop = start + 3 * found.band.rows * found.band.resolution[0]
                 pixels, start = to_lanes(part.numpy()[start:stop]), stop
             parts.append(found.correction.adjoint(wrt, pixels, self.terms))
         return {name: sum(gradients[name] for gradients in parts) for name in wrt}

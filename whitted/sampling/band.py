@@ -54,9 +54,18 @@ class Band:
         return self.structure, self.parameters, self.inner.size, self.limits
 
     def lanes(self, *arrays: np.ndarray) -> list[Array]:
-        """Dr.Jit arrays of whole packets; real numbers in the band's precision."""
+        """Dr.Jit arrays of whole packets; real numbers in the band's precision.
+
+        Those that are Dr.Jit arrays already stay as they are.
+        """
         real = {"f": self.dtype}
-        return [to_lanes(x.astype(real.get(x.dtype.kind, x.dtype), copy=False)) for x in arrays]
+
+        def lanes(x: Any) -> Array:
+            if not isinstance(x, np.ndarray):
+                return x
+            return to_lanes(x.astype(real.get(x.dtype.kind, x.dtype), copy=False))
+
+        return [lanes(x) for x in arrays]
 
     def color(self, channels: np.ndarray) -> Array:
         """The lanes of colours of shape (3, N)."""

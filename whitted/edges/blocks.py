@@ -1,0 +1,161 @@
+"""The samples and edges of pixels where edges crowd, as far as derivatives need them.
+
+Each such pixel is a block of finer samples with a ring of samples around it. It is on its own: a
+pair of samples that lies across the border of two blocks is in both, and each takes the part in its
+own pixel.
+
+Edges between finer samples are told from the samples alone (`between.py`), and the interior term is
+that of every other sample, as on the squares of one colour of a chessboard (`representation.py`).
+"""
+
+from collections.abc import Iterator
+
+import drjit as dr
+import numpy as np
+from drjit.llvm import ad
+
+from ..core.arrays import Array
+from ..core.host import chunks, stacked, to_numpy
+from ..sampling.band import Band
+from . import kernels, settings
+from .between import Between
+from .correction import MovingPoints
+from .labels import labels_differ
+from .pairs import walk_order
+from .quadrature import Extra
+from .refinement import crowd_side
+from .slopes import Line
+from .tables import deposit
+
+
+def blocks_of(band: Band, pixels: np.ndarray) -> Iterator["Block"]:
+    """The blocks of pixels where edges crowd, as many at once as a kernel takes.
+
+    Most have half as many samples along a side as the image has there. Busy ones have as many.
+    """
+    side = crowd_side(band.side)
+    for coarse in _blocks(band, pixels, side // 2):
+        busy = coarse.drop_busy()
+        if coarse.kept.any():
+            yield coarse
+        yield from _blocks(band, busy, side)
+
+
+def _blocks(band: Band, pixels: np.ndarray, side: int) -> Iterator["Block"]:
+    for part in chunks(len(pixels), settings.SAMPLES // (side + 2) ** 2):
+        yield Block(band, pixels[part], side)
+
+
+class Block:
+    """Some pixels where edges crowd.
+
+    Samples have places in (blocks, rows, columns); rows and columns include the ring.
+    """
+
+    def __init__(self, band: Band, pixels: np.ndarray, side: int) -> None:
+        self.band, self.pixels, self.side = band, pixels, side
+        ring = ((np.arange(-1, side + 1) + 0.5) / side).astype(band.dtype)
+        columns, self.shape = band.resolution[0], (len(pixels), side + 2, side + 2)
+        x = (pixels % columns).astype(band.dtype)[:, None, None] + ring
+        y = (pixels // columns + band.first_row).astype(band.dtype)[:, None, None] + ring[:, None]
+        self.x, self.y = (np.broadcast_to(v, self.shape).ravel() for v in (x, y))
+        # The pixel of each place; -1 in the ring
+        inside = np.pad(np.ones((side, side), bool), 1)
+        self.pixel = np.where(inside, pixels.astype(np.int32)[:, None, None], -1).ravel()
+        self.color, self.label = kernels.bright_samples(*band.inputs, *band.lanes(self.x, self.y))
+        self.kept = np.ones(len(pixels), bool)
+        self.pairs = self._pairs()
+
+    def drop_busy(self) -> np.ndarray:
+        """Drop the pixels that have many strong edges, and return them."""
+        a, _, contrast = self.pairs
+        block = a // (self.shape[1] * self.shape[2])
+        total = np.bincount(block, contrast, len(self.pixels))
+        self.kept = total < settings.BUSY * self.side
+        here = np.flatnonzero(self.kept.take(block))
+        self.pairs = tuple(column.take(here) for column in self.pairs)
+        return self.pixels[~self.kept]
+
+    def samples_and_edges(self, edges: list[MovingPoints]) -> Extra:
+        """The samples of the interior term; the edges are added to a list."""
+        # Kernels run while their successors' inputs are made
+        place, part = self._parts()
+        found = [(a, b, self._between(a, b)) for a, b in self._in_order()]
+        taken = np.zeros(len(self.x), self.band.dtype)
+        edges += [self._edges(*own, taken) for own in found]
+        return self._samples(place, part, taken)
+
+    def _pairs(self) -> tuple[np.ndarray, ...]:
+        """The places of neighbours across edges that matter, and their contrast."""
+        count, blocks = len(self.x), self.shape[0]
+        color, label = stacked(to_numpy(self.color), slice(count)), self.label.numpy()[:count]
+        grid, place = label.reshape(self.shape), np.arange(count).reshape(self.shape)
+        across = labels_differ(grid[:, 1:-1, :-1], grid[:, 1:-1, 1:])
+        down = labels_differ(grid[:, :-1, 1:-1], grid[:, 1:, 1:-1])
+        a = np.concatenate([place[:, 1:-1, :-1][across], place[:, :-1, 1:-1][down]])
+        b = a + 1
+        b[np.count_nonzero(across) :] += self.shape[2] - 1
+        change = np.abs(color.take(a, 1) - color.take(b, 1)).max(0)
+        most = color.max(0).reshape(blocks, -1).max(1)
+        most = most.take(a // (self.shape[1] * self.shape[2]))
+        contrast = np.divide(change, most, out=np.zeros_like(change), where=change > 0)
+        kept = np.flatnonzero(contrast > settings.LEAST_CONTRAST)
+        return a.take(kept), b.take(kept), contrast.take(kept)
+
+    def _in_order(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """The places of neighbours, those across the same edge together."""
+        a, b, _ = self.pairs
+        label = self.label.numpy()
+        order = np.argsort(walk_order(label.take(a)) + walk_order(label.take(b)), kind="stable")
+        for part in chunks(len(a), settings.LANES):
+            yield a.take(order[part]), b.take(order[part])
+
+    def _parts(self) -> tuple[np.ndarray, Array]:
+        """The places of the interior term's samples, and how well they stand for their cells."""
+        band, places = self.band, np.arange(len(self.x), dtype=np.uint32).reshape(self.shape)
+        row, column = np.indices((self.side, self.side))
+        place = places[self.kept, 1:-1, 1:-1][:, (row + column) % 2 == 0].ravel()
+        below, step = (
+            dr.opaque(ad.UInt, self.shape[2]),
+            dr.opaque(type(self.color.x), 1 / self.side),
+        )
+        lanes = band.lanes(self.x.take(place), self.y.take(place), place)
+        inputs = *band.inputs, *lanes, below, step, self.color, self.label
+        return place, kernels.representative(*inputs)
+
+    def _between(self, a: np.ndarray, b: np.ndarray) -> Between:
+        """The edges between neighbours."""
+        length = np.full(len(a), 1 / self.side, self.band.dtype)
+        line = Line(*self.band.lanes(self.x.take(a), self.y.take(a), b - a > 1, length))
+        return kernels.edges_between(*self.band.inputs, line)
+
+    def _edges(
+        self, a: np.ndarray, b: np.ndarray, found: Between, taken: np.ndarray
+    ) -> MovingPoints:
+        """The edges between neighbours.
+
+        Args:
+            taken: of all samples, the part that moves with edges; it is added to.
+        """
+        pixel = self.pixel.take(np.stack([a, b]))
+        share = found.rooted.numpy()[: len(a)]
+        which = np.flatnonzero(share)
+        share = share.take(which)
+        sample = np.where(share > 0, b.take(which), a.take(which))
+        deposit(taken, sample, settings.ROOTED_PART * np.abs(share))
+        change = stacked(to_numpy(found.change), slice(len(a))) * (pixel >= 0)
+        edge = vars(found.edge.path) | vars(found.edge.event)
+        return MovingPoints(found.x, found.y, pixel, change, found.jump, edge)
+
+    def _samples(self, place: np.ndarray, part: Array, taken: np.ndarray) -> Extra:
+        """The samples of the interior term.
+
+        Args:
+            place, part: of `_parts`.
+            taken: of all samples, the part that moves with edges.
+        """
+        weight = np.maximum(1 - taken.take(place), 0) * part.numpy()[: len(place)]
+        weight /= -(-(self.side**2) // 2)
+        order = walk_order(self.label.numpy().take(place))
+        x, y, pixel = self.x.take(place), self.y.take(place), self.pixel.take(place)
+        return Extra(x, y, pixel, weight, np.ones(len(place), bool), order)
