@@ -262,4 +262,3 @@ def test_samples_beside_an_edge_count_for_the_pixel_that_they_are_in():
     assert samples.pixel.tolist() == [4, 4]
     assert samples.order.tolist() == [20, 10]
     assert samples.weight.sum() == pytest.approx(1, rel=1e-15)
-    assert samples.beside.all()

@@ -158,4 +158,4 @@ class Block:
         weight /= -(-(self.side**2) // 2)
         order = walk_order(self.label.numpy().take(place))
         x, y, pixel = self.x.take(place), self.y.take(place), self.pixel.take(place)
-        return Extra(x, y, pixel, weight, np.ones(len(place), bool), order)
+        return Extra(x, y, pixel, weight, order)

@@ -107,20 +107,20 @@ class Correction:
         whole = concatenated(self.extra)
         order = np.argsort(whole.order, kind="stable")
         # Derivatives by a weight need faint rays as well
-        dim = not any(name.endswith(WEIGHTS) for name in found)
+        all_rays = any(name.endswith(WEIGHTS) for name in found)
+        inputs = self.band.inputs if all_rays else self._without_dim_rays()
         for part in chunks(len(order), settings.LANES):
-            extra = rows_of(whole, order[part])
-            yield extra, self._without_dim_rays(extra.beside & dim), found
+            yield rows_of(whole, order[part]), inputs, found
 
-    def _without_dim_rays(self, which: np.ndarray) -> Inputs:
-        """A kernel's inputs; some of the samples are to send no rays of little weight.
+    def _without_dim_rays(self) -> Inputs:
+        """A kernel's inputs for samples that count for a part of a pixel.
 
-        Those are samples that count for a part of a pixel.
+        They send no rays of little weight.
         """
         structure, parameters, size, limits = self.band.inputs
-        (least,) = limits.importance.numpy() if limits.importance is not None else (0.0,)
-        raised = max(least, settings.LEAST_WEIGHT_BESIDE / self.band.side**2)
-        (importance,) = self.band.lanes(np.where(which, raised, least))
+        given = limits.importance.numpy()[0] if limits.importance is not None else 0.0
+        least = max(given, settings.LEAST_WEIGHT_BESIDE / self.band.side**2)
+        importance = dr.opaque(structure.precision.real, least)
         return structure, parameters, size, replace(limits, importance=importance)
 
     def tangent(self, wrt: Parameters, tangents: Parameters, terms: str) -> Array:

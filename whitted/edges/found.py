@@ -107,9 +107,9 @@ class Found:
 def _inside(fine: Samples, weight: np.ndarray) -> Extra:
     """The finer samples inside of pixels, as far as edges leave them."""
     inside = np.flatnonzero((fine.pixel >= 0) & (weight != 0))
-    order, not_beside = walk_order(fine.labels.ravel()), np.zeros(len(weight), bool)
+    order = walk_order(fine.labels.ravel())
     columns = fine.x, fine.y, fine.pixel, weight / fine.side**2
-    return rows_of(Extra(*columns, not_beside, order), inside)
+    return rows_of(Extra(*columns, order), inside)
 
 
 def _moving(crossed: Crossed, cut: Cut) -> MovingPoints:

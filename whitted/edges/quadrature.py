@@ -49,7 +49,6 @@ class Extra:
     y: np.ndarray
     pixel: np.ndarray
     weight: np.ndarray  # what the sample counts for in its pixel
-    beside: np.ndarray  # bool: it is beside an edge
     order: np.ndarray  # of `walk_order`
 
 
@@ -117,7 +116,7 @@ def samples_beside(interval: Interval, pieces: int, pixel: np.ndarray, order: np
     kept = np.flatnonzero((weight > 0) & (pixel >= 0))
     columns = (column.ravel().take(kept) for column in (x, y, pixel, weight, order))
     x, y, pixel, weight, order = columns
-    return Extra(x, y, pixel, weight, np.ones(len(x), bool), order)
+    return Extra(x, y, pixel, weight, order)
 
 
 def nodes(interval: Interval, pieces: int) -> tuple[np.ndarray, ...]:
