@@ -28,22 +28,29 @@ from .slopes import Line
 from .tables import deposit
 
 
-def blocks_of(band: Band, pixels: np.ndarray) -> Iterator["Block"]:
-    """The blocks of pixels where edges crowd, as many at once as a kernel takes.
-
-    Most have half as many samples along a side as the image has there. Busy ones have as many.
+def coarse_blocks(band: Band, pixels: np.ndarray) -> list["Block"]:
+    """Begin to trace the pixels where edges crowd, with half as many samples along a side as the
+    image has there.
     """
-    side = crowd_side(band.side)
-    for coarse in _blocks(band, pixels, side // 2):
-        busy = coarse.drop_busy()
-        if coarse.kept.any():
-            yield coarse
-        yield from _blocks(band, busy, side)
+    return _blocks(band, pixels, crowd_side(band.side) // 2)
 
 
-def _blocks(band: Band, pixels: np.ndarray, side: int) -> Iterator["Block"]:
-    for part in chunks(len(pixels), settings.SAMPLES // (side + 2) ** 2):
-        yield Block(band, pixels[part], side)
+def with_finer(coarse: list["Block"]) -> Iterator["Block"]:
+    """The blocks with those that are busy taken out, and sampled as finely as the image is."""
+    for block in coarse:
+        busy = block.drop_busy()
+        finer = _blocks(block.band, busy, crowd_side(block.band.side))
+        if block.kept.any():
+            yield block
+        for block in finer:
+            block.find_pairs()
+            yield block
+
+
+def _blocks(band: Band, pixels: np.ndarray, side: int) -> list["Block"]:
+    """As many blocks at once as a kernel takes."""
+    parts = chunks(len(pixels), settings.SAMPLES // (side + 2) ** 2)
+    return [Block(band, pixels[part], side) for part in parts]
 
 
 class Block:
@@ -64,11 +71,11 @@ class Block:
         self.pixel = np.where(inside, pixels.astype(np.int32)[:, None, None], -1).ravel()
         self.color, self.label = kernels.bright_samples(*band.inputs, *band.lanes(self.x, self.y))
         self.kept = np.ones(len(pixels), bool)
-        self.pairs = self._pairs()
+        self.pairs: tuple[np.ndarray, ...] = ()
 
     def drop_busy(self) -> np.ndarray:
         """Drop the pixels that have many strong edges, and return them."""
-        a, _, contrast = self.pairs
+        a, _, contrast = self.find_pairs()
         block = a // (self.shape[1] * self.shape[2])
         total = np.bincount(block, contrast, len(self.pixels))
         self.kept = total < settings.BUSY * self.side
@@ -85,7 +92,7 @@ class Block:
         edges += [self._edges(*own, taken) for own in found]
         return self._samples(place, part, taken)
 
-    def _pairs(self) -> tuple[np.ndarray, ...]:
+    def find_pairs(self) -> tuple[np.ndarray, ...]:
         """The places of neighbours across edges that matter, and their contrast."""
         count, blocks = len(self.x), self.shape[0]
         color, label = stacked(to_numpy(self.color), slice(count)), self.label.numpy()[:count]
@@ -100,7 +107,8 @@ class Block:
         most = most.take(a // (self.shape[1] * self.shape[2]))
         contrast = np.divide(change, most, out=np.zeros_like(change), where=change > 0)
         kept = np.flatnonzero(contrast > settings.LEAST_CONTRAST)
-        return a.take(kept), b.take(kept), contrast.take(kept)
+        self.pairs = a.take(kept), b.take(kept), contrast.take(kept)
+        return self.pairs
 
     def _in_order(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """The places of neighbours, those across the same edge together."""

@@ -9,7 +9,7 @@ import numpy as np
 from ..core.arrays import Array
 from ..sampling.band import Band
 from . import settings
-from .blocks import blocks_of
+from .blocks import coarse_blocks, with_finer
 from .bounds import Cut
 from .correction import Columns, Correction, MovingPoints, joined
 from .events import Kind
@@ -49,6 +49,8 @@ class Found:
         be running meanwhile.
         """
         band, result = self.band, Correction(self.band)
+        # Its kernels run while other things are done
+        coarse = coarse_blocks(band, self.crowded)
         # The part of each sample that edges take away, by the number of the sample
         shape = (band.rows + 2) * band.side, (band.resolution[0] + 2) * band.side
         first = shape[0] * shape[1]
@@ -64,7 +66,7 @@ class Found:
         taken[self.lost] = 1
         if self.fine is not None:
             result.extra.append(_inside(self.fine, 1 - taken[first:]))
-        for block in blocks_of(band, self.crowded):
+        for block in with_finer(coarse):
             result.extra.append(block.samples_and_edges(result.edges))
         result.weights = self._weights(taken[:first].reshape(shape))
         return result

@@ -9,13 +9,15 @@ would cost more than it is worth. Such a pixel is the mean of many samples. For 
 `blocks.py`.
 """
 
+from collections.abc import Callable, Iterator
+
 import drjit as dr
 import numpy as np
 from drjit.llvm import ad
 
+from ..core.arrays import Array
 from ..core.host import chunks, stacked, to_numpy
 from ..sampling.band import Band
-from ..scene.features import reflects
 from . import kernels, settings
 from .grid import Samples, label_counts
 
@@ -33,34 +35,47 @@ def crowd_side(side: int) -> int:
     return {1: 6, 2: 10, 3: 12}.get(side, 4 * side)
 
 
-def crowd_means(band: Band, pixels: np.ndarray) -> np.ndarray:
-    """Radiance of pixels where edges crowd: (N, 3).
+def crowd_means(band: Band, pixels: np.ndarray) -> Callable[[], np.ndarray]:
+    """Begin to trace pixels where edges crowd.
 
     Dim rays have few edges that are seen. They are left out of the finer samples; their light is
     that of as many samples as a pixel has elsewhere.
 
     Args:
         pixels: numbers in the band.
+
+    Returns:
+        A function that waits for the pixels' radiance: (N, 3).
     """
-    means = _means(band, pixels, crowd_side(band.side), dim=False)
-    if reflects(band.structure.filled(band.parameters)):
-        means += _means(band, pixels, band.side, dim=True)
-    return means
+    traced = [(crowd_side(band.side), False)]
+    if band.structure.reflects:
+        traced.append((band.side, True))
+    rows = [(side, list(_rows(band, pixels, side, dim))) for side, dim in traced]
+
+    def finish() -> np.ndarray:
+        result = np.zeros((len(pixels), 3), band.dtype)
+        for side, parts in rows:
+            sums = np.concatenate([stacked(to_numpy(v), slice(n)) for v, n in parts], 1)
+            result += sums.reshape(3, -1, side).sum(-1).T / side**2
+        return result
+
+    return finish
 
 
-def _means(band: Band, pixels: np.ndarray, side: int, dim: bool) -> np.ndarray:
-    """The mean light of dim rays, or of all others, in pixels with so many samples: (N, 3)."""
+def _rows(band: Band, pixels: np.ndarray, side: int, dim: bool) -> Iterator[tuple[Array, int]]:
+    """The sums of the rows of samples in pixels, and how many rows they are.
+
+    Args:
+        dim: of the light of dim rays, not of all others.
+    """
     columns, first = band.resolution[0], (np.arange(side) + 0.5) / side
     step, count = dr.opaque(band.structure.precision.real, 1 / side), dr.opaque(ad.UInt, side)
-    means = np.empty((len(pixels), 3), band.dtype)
     for part in chunks(len(pixels), settings.SAMPLES // side**2):
         own = pixels[part]
         x = np.repeat(own % columns + first[0], side)
         y = (own // columns + band.first_row + first[:, None]).T.ravel()
-        total = kernels.rows_of_samples(*band.inputs, *band.lanes(x, y), step, count, dim)
-        rows = stacked(to_numpy(total), slice(len(x))).reshape(3, -1, side)
-        means[part] = rows.sum(-1).T / side**2
-    return means
+        place = band.lanes(x, y)
+        yield kernels.rows_of_samples(*band.inputs, *place, step, count, dim), len(x)
 
 
 def pixels_to_refine(samples: Samples, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

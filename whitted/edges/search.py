@@ -59,9 +59,10 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
             search = _Search(part, keep, pixels, samples, np.union1d(meet, crowd), crowd[:0])
         else:
             search = _Search(part, keep, pixels, samples, meet, crowd)
+        means = crowd_means(part, crowd) if crowd.size else None
         search.run(*neighbours)
-        if crowd.size:
-            pixels.reshape(-1, 3)[crowd] = crowd_means(part, crowd)
+        if means is not None:
+            pixels.reshape(-1, 3)[crowd] = means()
         if keep:
             found.append(search.found())
         # Parts cost about the same, however many rows they have

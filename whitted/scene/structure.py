@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.arrays import Array
 from ..core.pytree import put_together, take_apart
-from .features import Features
+from .features import Features, reflects
 from .parameters import Location
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ class Structure:
 
     def __init__(self, scene: "Contents") -> None:
         self.features = scene.features
+        self.reflects = reflects(scene)
         self.precision = scene.precision
         materials = _places(scene.materials)
         changed: dict[str, Any] = {
