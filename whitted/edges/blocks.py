@@ -145,13 +145,18 @@ class Block:
         Args:
             taken: of all samples, the part that moves with edges; it is added to.
         """
-        pixel = self.pixel.take(np.stack([a, b]))
+        ends = self.pixel.take(np.stack([a, b]))
         share = found.rooted.numpy()[: len(a)]
         which = np.flatnonzero(share)
         share = share.take(which)
         sample = np.where(share > 0, b.take(which), a.take(which))
         deposit(taken, sample, settings.ROOTED_PART * np.abs(share))
-        change = stacked(to_numpy(found.change), slice(len(a))) * (pixel >= 0)
+        # Both samples change the same pixel, as far as they are in it
+        change = (stacked(to_numpy(found.change), slice(len(a))) * (ends >= 0)).sum(0)
+        pixel, change = (
+            np.stack([np.maximum(*ends), -np.ones_like(a)]),
+            np.stack([change, 0 * change]),
+        )
         edge = vars(found.edge.path) | vars(found.edge.event)
         return MovingPoints(found.x, found.y, pixel, change, found.jump, edge)
 
