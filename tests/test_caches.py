@@ -110,7 +110,7 @@ def test_numbers_and_names_are_no_part_of_kernels():
     first = scene(0.31, 4, 3, "abc")
     derivatives(first)
     # With pixels where edges crowd, which have kernels of their own
-    derivatives(first.replace({"camera.resolution": (16, 9)}), 4)
+    derivatives(first.replace({"camera.resolution": (40, 30)}), 4)
     made = module._store.made
     other = scene(0.27, 6, 5, ("walls", "a", "glass_of_water"))
     derivatives(other)

@@ -161,10 +161,12 @@ class Correction:
             calls += self._interior_adjoints(wrt, image)
         if terms != "interior":
             calls += self._boundary_adjoints(wrt, image)
-        total = {name: dr.zeros(type(value)) for name, value in wrt.items()}
+        total = {name: dr.opaque(type(value), 0) for name, value in wrt.items()}
         for call in calls:
             for name, slope in call().items():
                 total[name] = total[name] + slope
+            # At once, so that the kernel that adds does not depend on how many calls there are
+            dr.eval(total)
         return total
 
     def _interior_adjoints(
