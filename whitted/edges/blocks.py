@@ -30,16 +30,18 @@ from .tables import deposit
 
 def coarse_blocks(band: Band, pixels: np.ndarray) -> list["Block"]:
     """Begin to trace the pixels where edges crowd, with half as many samples along a side as the
-    image has there.
+    image has there, but at least `settings.COARSE_SIDE`.
     """
-    return _blocks(band, pixels, crowd_side(band.side) // 2)
+    return _blocks(band, pixels, max(crowd_side(band.side) // 2, settings.COARSE_SIDE))
 
 
 def with_finer(coarse: list["Block"]) -> Iterator["Block"]:
     """The blocks with those that are busy taken out, and sampled as finely as the image is."""
     for block in coarse:
-        busy = block.drop_busy()
-        finer = _blocks(block.band, busy, crowd_side(block.band.side))
+        side, finer = crowd_side(block.band.side), []
+        block.find_pairs()
+        if block.side < side:
+            finer = _blocks(block.band, block.drop_busy(), side)
         if block.kept.any():
             yield block
         for block in finer:
@@ -75,7 +77,7 @@ class Block:
 
     def drop_busy(self) -> np.ndarray:
         """Drop the pixels that have many strong edges, and return them."""
-        a, _, contrast = self.find_pairs()
+        a, _, contrast = self.pairs
         block = a // (self.shape[1] * self.shape[2])
         total = np.bincount(block, contrast, len(self.pixels))
         self.kept = total < settings.BUSY * self.side
@@ -92,8 +94,8 @@ class Block:
         edges += [self._edges(*own, taken) for own in found]
         return self._samples(place, part, taken)
 
-    def find_pairs(self) -> tuple[np.ndarray, ...]:
-        """The places of neighbours across edges that matter, and their contrast."""
+    def find_pairs(self) -> None:
+        """Find neighbours across edges that matter: their places, and their contrast."""
         count, blocks = len(self.x), self.shape[0]
         color, label = stacked(to_numpy(self.color), slice(count)), self.label.numpy()[:count]
         grid, place = label.reshape(self.shape), np.arange(count).reshape(self.shape)
@@ -108,7 +110,6 @@ class Block:
         contrast = np.divide(change, most, out=np.zeros_like(change), where=change > 0)
         kept = np.flatnonzero(contrast > settings.LEAST_CONTRAST)
         self.pairs = a.take(kept), b.take(kept), contrast.take(kept)
-        return self.pairs
 
     def _in_order(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """The places of neighbours, those across the same edge together."""

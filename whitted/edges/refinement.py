@@ -32,7 +32,7 @@ def finer_side(side: int) -> int:
 
 def crowd_side(side: int) -> int:
     """Samples along the side of a pixel where edges crowd."""
-    return {1: 6, 2: 10, 3: 12}.get(side, 4 * side)
+    return {1: 4, 2: 10, 3: 12}.get(side, 4 * side)
 
 
 def crowd_means(band: Band, pixels: np.ndarray) -> Callable[[], np.ndarray]:

@@ -57,8 +57,8 @@ PIECES = 4
 # rounding.
 LEAST_CUT = 1e-4
 # Edges meet in a pixel, and do not crowd, with up to so many labels around it: with one sample a
-# pixel, and with several.
-MEETING = 3, 4
+# pixel, where none meet, and with several.
+MEETING = 2, 4
 # With so many samples along a pixel's side, what costs a search saves is no longer worth its error.
 # From the first number on, derivatives have crowds searched as well; from the second on, images.
 SEARCHED_SIDE, ALL_SEARCHED_SIDE = 4, 5
@@ -68,6 +68,8 @@ LEAST_CONTRAST = 1 / 64
 # A pixel where edges crowd has much of an edge in it if the contrasts of its pairs add up to more
 # than this, times the samples along its side.
 BUSY = 1
+# Samples along the side of a pixel where edges crowd, at least, in derivatives.
+COARSE_SIDE = 4
 # The part of the cell of a sample inside a silhouette that moves with the silhouette.
 ROOTED_PART = 0.6
 # How far aside the slope of a sample's radiance is looked at, in pixels; and how much radiance may
