@@ -255,7 +255,8 @@ def _rounds(
 
     pair = interleaved(np.arange(len(pairs)))
     start, stop, ends = np.zeros(len(pair)), pairs.length.take(pair), pairs.label.take(pair, 1)
-    rounds = settings.ROUNDS if band.side > 1 else settings.ROUNDS_OF_SINGLE_SAMPLES
+    searched = band.side >= settings.SEARCHED_SIDE
+    rounds = settings.ROUNDS if searched else settings.ROUNDS_WITHOUT_CROWDS
     following = search(pair, start, stop, *ends) if len(pair) else None
     for left_over in reversed(range(rounds)):
         if following is None:

@@ -25,10 +25,10 @@ FADING = 1, CELLS, 16
 # The same between finer samples, where only one edge is looked for.
 FADING_BETWEEN = 1 / 4, 1, 8
 
-# How often the rest of a segment is searched for more edges, with several samples a pixel and with
-# one. Glass mirrors all that is around it, so segments beside its outline often cross dozens of
-# edges. With one sample a pixel the last of them are not worth their cost.
-ROUNDS, ROUNDS_OF_SINGLE_SAMPLES = 24, 3
+# How often the rest of a segment is searched for more edges: where crowds are searched as well, and
+# where they are not. Glass mirrors all that is around it, so segments beside its outline often
+# cross dozens of edges. Such segments lie in crowds.
+ROUNDS, ROUNDS_WITHOUT_CROWDS = 24, 3
 # Steps to the root of a level function, at most. Nearly all take 3 to 6.
 ROOT_STEPS = 20
 # A root is found when a step is below this part of the segment. That is finer than GAP.
