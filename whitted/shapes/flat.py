@@ -32,7 +32,7 @@ class FlatShape(Shape):
     def covers(self, o: Array, d: Array, t: Array) -> Array:
         """Bool: the shape goes as far as where a line meets its plane, at the distance t."""
 
-    def distance(self, ray: Ray, on: Array) -> tuple[Array, Array, Array]:
+    def distance(self, ray: Ray, on: Array, *known: Array) -> tuple[Array, Array, Array]:
         """A shape through the eye is seen from its edge: not at all."""
         t = self.reach(ray, on, on)
         meets = (t > 0) & self.covers(ray.o, ray.d, t) & ~on

@@ -39,12 +39,22 @@ class Shape(ABC):
     # Set in kernels: the eye is exactly on it; Bool where there is one primitive a lane
     under_eye: Array | bool = field(default=False, kw_only=True)
 
+    def approach(self, ray: Ray, on: Array) -> tuple[Array | None, tuple[Array, ...]]:
+        """What is cheap to tell before `distance`.
+
+        Returns:
+            Bool, the ray may meet the shape, or None if that is not cheap to tell; and what
+            `distance` needs not compute again.
+        """
+        return None, ()
+
     @abstractmethod
-    def distance(self, ray: Ray, on: Array) -> tuple[Array, Array, Array]:
+    def distance(self, ray: Ray, on: Array, *known: Array) -> tuple[Array, Array, Array]:
         """Where a ray meets the shape.
 
         Args:
             on: Bool, the ray starts on this very shape.
+            known: what `approach` has found.
 
         Returns:
             The distance; whether the ray meets the shape; and whether it does so from within.

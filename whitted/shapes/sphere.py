@@ -36,12 +36,24 @@ class Sphere(Shape):
     center: Array = parameter(3, scale=Scale(1, "radius"))
     radius: Array = parameter(1, POSITIVE, scale=Scale(1, "radius"))
 
-    def distance(self, ray: Ray, on: Array) -> tuple[Array, Array, Array]:
+    def approach(self, ray: Ray, on: Array) -> tuple[Array, tuple[Array, ...]]:
+        """The ray's line meets the sphere, and not only behind the ray.
+
+        Half a chord is no longer than the radius, also when both are rounded. From a sphere with
+        the eye close to it, the distance may be too inexact to tell what is behind.
+        """
+        b, discriminant = self._chord(ray.o, ray.d)
+        near = discriminant > 0
+        if not self.compensated:
+            near &= b > -self.radius
+        return dr.select(on, ray.inward, near), (b, discriminant)
+
+    def distance(self, ray: Ray, on: Array, *known: Array) -> tuple[Array, Array, Array]:
         """A ray that starts on the sphere meets it again at 2 b if it goes inward, else never.
 
         An eye on the sphere is outside of it: its rays enter right there, or never.
         """
-        b, discriminant = self._chord(ray.o, ray.d)
+        b, discriminant = known or self._chord(ray.o, ray.d)
         half = dr.sqrt(discriminant)
         if self.compensated:
             # The root near the origin is the product of the roots over the far one
