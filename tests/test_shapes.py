@@ -3,6 +3,7 @@ digits, in both precisions.
 """
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 
 import drjit as dr
@@ -227,6 +228,20 @@ def test_plane_blocks_only_between_its_sides(precision):
     ):
         ray = segment(vector(0, a, 0), vector(5, b, 0))
         assert floor.blocks(ray, dr.mask_t(real)(False)).numpy() == expected
+
+
+def test_side_of_the_eye_is_that_of_all_surfaces_behind_no_glass(precision):
+    """Also where rounding puts a point beyond the plane; of glass, each point's own side counts."""
+    real, vector = TYPES[precision]
+    floor, no = Plane("", "wood", vector(0, 1, 0), real(1)), dr.mask_t(real)(False)
+    below = segment(vector(0, -1 - 1e-6, 0), vector(5, 2, 0))
+    assert floor.blocks(below, no).numpy()
+    from_above = replace(below, eye=vector(0, 3, 0))
+    assert not floor.blocks(from_above, no).numpy()
+    assert floor.blocks(replace(from_above, clear=frozenset({"wood"})), no).numpy()
+    assert replace(floor, under_eye=True).blocks(from_above, no).numpy()
+    rim = Disc("", "wood", vector(0, -1, 0), vector(0, 1, 0), real(9))
+    assert rim.blocks(from_above, no).numpy()
 
 
 @pytest.mark.parametrize("compensated", [False, True])

@@ -36,3 +36,7 @@ class ShadowRay:
     inward: Array  # Bool: the segment leaves into that primitive
     # Numbers of the primitives that the light is exactly on
     ends_on: frozenset[int] = frozenset()
+    # Array3f: the eye that the tree of rays begins at, if that is known; and the names of the
+    # materials that let rays through
+    eye: Array | None = None
+    clear: frozenset[str] = frozenset()

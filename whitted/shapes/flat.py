@@ -49,7 +49,7 @@ class FlatShape(Shape):
         if ends_on:
             return type(on)(False)
         far = dr.dot(self.normal, ray.d) if ray.end is None else self.level(ray.end)
-        crosses = self.level(ray.o) * far < 0
+        crosses = self.level(self.side(ray)) * far < 0
         return crosses & self.covers(ray.o, ray.d, self._meeting(ray.o, ray.d)) & ~on
 
     def implicit(self, p: Array) -> tuple[Array, Array]:

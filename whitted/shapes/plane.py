@@ -19,6 +19,7 @@ class Plane(FlatShape):
     group = "planes"
     # Where the shadow of a plane ends, the plane itself meets the surface
     casts_edges = False
+    divides = True
     # At the horizon, where the plane runs off into the distance
     rooted = True
 

@@ -27,6 +27,8 @@ class Shape(ABC):
     closed: ClassVar[bool]
     # It can show a checkerboard
     flat: ClassVar[bool]
+    # It divides space: no way leads around it
+    divides: ClassVar[bool] = False
     # Its shadow has an edge that no surface is at
     casts_edges: ClassVar[bool]
     # Radiance beside its outline changes like the square root of the distance
@@ -77,6 +79,16 @@ class Shape(ABC):
             on: Bool, the surface is that of this very shape.
             ends_on: the light is exactly on this very shape.
         """
+
+    def side(self, ray: ShadowRay) -> Array:
+        """A point on the same side of the shape as the start of a segment to a light.
+
+        If no ray gets through or around the shape, all surfaces that are met lie on the eye's side.
+        So the eye is such a point, and what depends on it is computed once for all rays. Of a shape
+        through the eye, both sides are met.
+        """
+        known = ray.eye is not None and self.material not in ray.clear
+        return ray.eye if known and self.divides and self.under_eye is False else ray.o
 
     @abstractmethod
     def level(self, p: Array) -> Array:

@@ -28,7 +28,7 @@ class Sphere(Shape):
     """A sphere."""
 
     group = "spheres"
-    closed, flat = True, False
+    closed, flat, divides = True, False, True
     casts_edges, rooted = True, True
 
     name: str
@@ -87,7 +87,7 @@ class Sphere(Shape):
         A light exactly on the sphere is outside of it.
         """
         b, discriminant = self._chord(ray.o, ray.d)
-        starts_in = dr.select(on, ray.inward, self.level(ray.o) < 0)
+        starts_in = dr.select(on, ray.inward, self.level(self.side(ray)) < 0)
         outside = ray.end is None or ends_on
         ends_in = dr.mask_t(b)(False) if outside else self.level(ray.end) < 0
         leaves = (starts_in ^ ends_in) & ~(on & ~ray.inward)

@@ -7,7 +7,7 @@ import drjit as dr
 from ..core.arrays import Array
 from ..core.ray import ShadowRay
 from ..lights.light import Toward
-from ..scene.features import shadow
+from ..scene.features import may, shadow
 from ..scene.scene import Scene
 from .surface import Surface
 
@@ -42,7 +42,7 @@ def incident(scene: Scene, at: Surface, number: int) -> Incident:
         # A flat surface that the light is on, it grazes: rounding would tell which side it is on
         along = at.shape.whether(lambda kind: kind.flat) & (at.hit.index == primitive)
         cosine = dr.select(along, 0, cosine)
-    ray = shadow_ray(at, toward, ends_on)
+    ray = shadow_ray(scene, at, toward, ends_on)
     sets = dr.detach(scene).sets
     blocked = dr.mask_t(cosine)(False)
     full = shadowing(scene, "full")
@@ -63,8 +63,9 @@ def shadowing(scene: Scene, *how: str) -> list[str]:
     return [material.name for material in scene.used if shadow(scene, material) in how]
 
 
-def shadow_ray(at: Surface, toward: Toward, ends_on: frozenset[int]) -> ShadowRay:
+def shadow_ray(scene: Scene, at: Surface, toward: Toward, ends_on: frozenset[int]) -> ShadowRay:
     """The segment from a surface to a light, detached."""
-    p, toward = dr.detach(at.p), dr.detach(toward)
+    p, toward, eye = dr.detach(at.p), dr.detach(toward), dr.detach(scene.camera.position)
     segment = p, toward.direction, toward.distance, toward.end
-    return ShadowRay(*segment, at.hit.index, at.hit.inside, ends_on)
+    clear = frozenset(m.name for m in scene.used if may(scene, m, "refraction"))
+    return ShadowRay(*segment, at.hit.index, at.hit.inside, ends_on, eye, clear)
