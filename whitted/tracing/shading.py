@@ -9,6 +9,7 @@ import drjit as dr
 
 from ..core.arrays import Array
 from ..core.numerics import safe_normalize
+from ..core.power import power
 from ..core.ray import Ray
 from ..scene.features import glossy, may
 from ..scene.scene import Scene
@@ -43,8 +44,4 @@ def highlight(scene: Scene, at: Surface) -> tuple[Array, Array]:
 
 def blinn_phong(d: Array, n: Array, to_light: Array, shininess: Array) -> Array:
     """max(0, n . h)^shininess, h the direction halfway between the light and the viewer."""
-    cos_half = dr.dot(n, safe_normalize(to_light - d))
-    positive = cos_half > 0
-    # Dr.Jit's exp2 is infinite at the lower end of double precision's range
-    exponent = dr.fmax(shininess * dr.log2(dr.select(positive, cos_half, 1)), -1000)
-    return dr.select(positive, dr.exp2(exponent), 0)
+    return power(dr.dot(n, safe_normalize(to_light - d)), shininess)
