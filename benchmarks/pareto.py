@@ -128,6 +128,7 @@ def ask(checkouts: dict[str, Path]) -> list[dict]:
 def draw(rows: list[dict]) -> None:
     """A chart of mean errors against times, a panel for each scene."""
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     scenes = sorted({row["scene"] for row in rows})
     lines = -(-len(scenes) // 4)
@@ -141,6 +142,10 @@ def draw(rows: list[dict]) -> None:
             means = [np.mean([r["error"] for r in own if r["spp"] == n]) for n in SAMPLES]
             panel.loglog(times, means, "o-", label=version)
         panel.set(title=scene, xlabel="image and gradient, ms", ylabel="mean error")
+        for axis in (panel.xaxis, panel.yaxis):
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            axis.set_minor_formatter(NullFormatter())
     for panel in axes.flat[len(scenes) :]:
         panel.axis("off")
     axes.flat[0].legend()
