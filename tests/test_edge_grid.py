@@ -9,7 +9,7 @@ from whitted.core.host import PACKET
 from whitted.edges.grid import band_samples, fine_samples, label_counts, neighbours_across_edges
 from whitted.edges.pairs import Crossings, Pairs, interleaved, pairs_of, walk_order
 from whitted.edges.quadrature import Interval, intervals_beside, nodes, samples_beside
-from whitted.edges.refinement import crowded
+from whitted.edges.refinement import candidates
 from whitted.edges.settings import SHARES
 from whitted.edges.tables import deposit
 
@@ -120,18 +120,18 @@ def test_labels_are_counted_among_the_nearest():
     assert label_counts(samples, np.arange(4)).tolist() == [3, 2, 3, 2]
 
 
-def test_pixels_with_three_labels_are_crowded():
+def test_pixels_with_three_labels_are_candidates():
     labels = np.array([[1, 1, 1, 1], [1, 2, 1, 1], [1, 1, 1, 1], [1, 1, 1, 1]], np.uint32)
     samples = band_samples(labels, 1, 0)
     # Four pairs surround pixel 0, of which its neighbours have one each
-    assert crowded(neighbours_across_edges(samples)[2], 1).tolist() == [0]
+    assert candidates(neighbours_across_edges(samples)[2], 1).tolist() == [0]
 
 
 @pytest.mark.parametrize(("side", "pixels"), [(1, [3, 5]), (2, [3, 5, 7])])
 def test_one_edge_at_a_single_sample_does_not_crowd_it(side, pixels):
     ends = np.array([[3, -1, 3, 5], [5, 3, 7, -1]], np.int32)
-    assert crowded(ends, side).tolist() == pixels
-    assert crowded(ends[:, :0], side).tolist() == []
+    assert candidates(ends, side).tolist() == pixels
+    assert candidates(ends[:, :0], side).tolist() == []
 
 
 def test_finer_samples_fill_a_pixel_with_a_ring_around_it():

@@ -84,7 +84,7 @@ def pixels_to_refine(samples: Samples, ends: np.ndarray) -> tuple[np.ndarray, np
     Args:
         ends: (2, N), the pixels of neighbours with different labels.
     """
-    pixels = crowded(ends, samples.side)
+    pixels = candidates(ends, samples.side)
     count = label_counts(samples, pixels)
     most = settings.MEETING[samples.side > 1]
     if samples.side >= settings.ALL_SEARCHED_SIDE:
@@ -92,7 +92,7 @@ def pixels_to_refine(samples: Samples, ends: np.ndarray) -> tuple[np.ndarray, np
     return pixels[(count > 2) & (count <= most)], pixels[count > most]
 
 
-def crowded(ends: np.ndarray, side: int) -> np.ndarray:
+def candidates(ends: np.ndarray, side: int) -> np.ndarray:
     """The pixels around which three labels may be.
 
     Args:

@@ -59,14 +59,14 @@ LEAST_CUT = 1e-4
 # Edges meet in a pixel, and do not crowd, with up to so many labels around it: with one sample a
 # pixel, where none meet, and with several.
 MEETING = 2, 4
-# With so many samples along a pixel's side, what costs a search saves is no longer worth its error.
-# From the first number on, derivatives have crowds searched as well; from the second on, images.
+# Who asks for many samples wants small errors. With the first number of samples along a pixel's
+# side, derivatives have crowds searched as well; with the second, images too.
 SEARCHED_SIDE, ALL_SEARCHED_SIDE = 4, 5
 # In pixels where edges crowd, the edge between two samples is left out if their radiance
 # differs by less than this part of the greatest radiance in the pixel.
 LEAST_CONTRAST = 1 / 64
-# A pixel where edges crowd has much of an edge in it if the contrasts of its pairs add up to more
-# than this, times the samples along its side.
+# A pixel where edges crowd is busy if the contrasts of its pairs add up to more than this, times the
+# samples along its side.
 BUSY = 1
 # Samples along the side of a pixel where edges crowd, at least, in derivatives.
 COARSE_SIDE = 4
