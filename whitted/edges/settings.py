@@ -65,8 +65,8 @@ SEARCHED_SIDE, ALL_SEARCHED_SIDE = 4, 5
 # In pixels where edges crowd, the edge between two samples is left out if their radiance
 # differs by less than this part of the greatest radiance in the pixel.
 LEAST_CONTRAST = 1 / 64
-# A pixel where edges crowd is busy if the contrasts of its pairs add up to more than this, times the
-# samples along its side.
+# A pixel where edges crowd is busy if the contrasts of its pairs add up to more than this, times
+# the samples along its side.
 BUSY = 1
 # Samples along the side of a pixel where edges crowd, at least, in derivatives.
 COARSE_SIDE = 4
