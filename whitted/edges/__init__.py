@@ -49,7 +49,7 @@ The method, on the regular grid of samples with spacing h:
 The cost follows the number of edges. Each costs a few chains of rays, and those parts of four trees
 of rays that weigh enough to have an edge.
 
-Where edges crowd, each costs a fifth of that, at an error of the order of the samples' distance.
+Where edges crowd, each costs far less, at an error of the order of the samples' distance.
 
 The method leaves three things to the samples. The more samples a pixel has, the less they matter:
 
