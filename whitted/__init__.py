@@ -11,6 +11,7 @@ __all__ = [
     "BackendError",
     "Camera",
     "Checkerboard",
+    "Cloud",
     "DirectionalLight",
     "Disc",
     "FitResult",
@@ -66,6 +67,7 @@ else:
     from .scene.things import (
         Camera,
         Checkerboard,
+        Cloud,
         DirectionalLight,
         Disc,
         Material,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from ..core.arrays import Array, any_true
 from ..scene.features import may
 from ..scene.scene import Scene
+from ..shapes.many import NAME as MANY
 from ..tracing.surface import materials_of
 
 
@@ -38,7 +39,11 @@ def changed(scene: Scene, names: Iterable[str]) -> Changed | None:
                 materials |= _with_interfaces(scene)
         else:
             return None
-    if all(shape.name in shapes or shape.material in materials for shape in scene.shapes):
+    many = scene.many
+    if many is not None and many.gathered is not None:
+        shapes.add(MANY)
+    others = many is not None and not (MANY in shapes or many.made_from <= materials)
+    if not others and all(x.name in shapes or x.material in materials for x in scene.shapes):
         return None
     return Changed(frozenset(shapes), frozenset(materials))
 

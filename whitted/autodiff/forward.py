@@ -57,7 +57,11 @@ def attached(
     dr.enable_grad(inputs)
     dr.set_grad(inputs, (tangent.o, tangent.d, tangent.weight, dict(tangents)))
     o, d, weight, values = inputs
-    return inputs, scene.carrying(values), Node(o, d, weight, node.link)
+    there, rows = scene.carrying(values), []
+    if there.many is not None and there.many.gathered is not None:
+        gathered = there.many.gathered.anew()
+        there, rows = there.gathering(gathered), gathered.rows
+    return (inputs, rows), there, Node(o, d, weight, node.link)
 
 
 def radiance_jvp(
@@ -74,7 +78,7 @@ def radiance_jvp(
         Array3f, the tangent of `recursion.radiance`.
     """
     these = changed(scene, tangents)
-    first = Node.first(ray)
+    first = Node.first(scene, ray)
     dark = dr.zeros(type(ray.o), dr.width(first))
 
     def light(dark, moving, hit):

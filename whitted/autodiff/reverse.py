@@ -17,7 +17,7 @@ from ..scene.features import branches_out, reflects
 from ..scene.scene import Scene
 from ..shapes.sets import Hit
 from ..tracing.intersect import closest_hit
-from ..tracing.node import BOTH, FIRST, MOVES, Limits, Link, Node, Visit, visit
+from ..tracing.node import BOTH, FIRST, MOVES, Limits, Node, Visit, visit
 from ..tracing.scatter import Branch, scatter
 from ..tracing.shading import emitted
 from ..tracing.stack import Stack
@@ -95,7 +95,7 @@ def walk_back(tree: "Tree", sums: Parameters, ray: Ray) -> tuple[Parameters, Arr
     """
     scene, limits = tree.scene, tree.limits
     width = dr.width(ray)
-    node = Node.first(ray)
+    node = Node.first(scene, ray)
     mask = dr.mask_t(node.weight)
     place = Place(node, Adjoint.zero(node, width), dr.full(mask, tree.changed is None, width))
     stack = Stack.allocate(
@@ -142,7 +142,10 @@ class Tree:
         """The scene, the node and the parameters, with fresh gradients."""
         values, o, d = dr.detach(dict(self.wide)), dr.detach(node.o), dr.detach(node.d)
         dr.enable_grad(values, o, d)
-        return self.scene.carrying(values), Node(o, d, node.weight, node.link), values
+        scene = self.scene.carrying(values)
+        if scene.many is not None and scene.many.gathered is not None:
+            scene = scene.gathering(scene.many.gathered.anew())
+        return scene, Node(o, d, node.weight, node.link), values
 
     def where(self, moves, differentiated, node, hit, sums, *more):
         """What a node adds to its ray's adjoint and to the sums; nothing where nothing moves."""
@@ -163,7 +166,8 @@ class Tree:
         scene, there, values = self.attached(node)
         light = dr.dot(self.seed, emitted(scene, there.ray, surface(scene, there.ray, hit)))
         pull_back(light, node.weight)
-        return Adjoint(dr.grad(there.o), dr.grad(there.d), dr.detach(light)), added(sums, values)
+        back = Adjoint(dr.grad(there.o), dr.grad(there.d), dr.detach(light))
+        return back, added(sums, values, scene)
 
     def through(self, node, hit, sums, first, back):
         """The light of a child."""
@@ -175,7 +179,7 @@ class Tree:
         output = dr.dot(at.p, back.o) + dr.dot(child.direction, back.d) + light
         pull_back(output, dr.ones(type(node.weight)))
         value = dr.detach(child.weight) * back.value
-        return Adjoint(dr.grad(there.o), dr.grad(there.d), value), added(sums, values)
+        return Adjoint(dr.grad(there.o), dr.grad(there.d), value), added(sums, values, scene)
 
     def arrive(self, place, stack, sums):
         """Trace a ray: differentiate the light of its surface, then go on with its first child."""
@@ -193,7 +197,7 @@ class Tree:
         child, first, both = branches[0], branches[0].active, type(moves)(False)
         if len(branches) == 2:
             child, both = choose(first, *branches), first & branches[1].active
-        link = Link.of(hit.index, hit.inside, node.depth)
+        link = node.link.of(hit.index, hit.inside, node.depth)
         link = link.marked(FIRST, first).marked(BOTH, both).marked(MOVES, moves)
         waiting = Waiting(Node(node.o, node.d, node.weight, link), back, hit.t)
         stack = stack.push(child.active, waiting)
@@ -216,7 +220,7 @@ class Tree:
         scene, there, _ = self.attached(node)
         at = surface(scene, there.ray, hit)
         second = dr.detach(scatter(scene, there.ray, at)[1])
-        link = Link.of(hit.index, hit.inside, link.depth).marked(MOVES, moves)
+        link = link.of(hit.index, hit.inside, link.depth).marked(MOVES, moves)
         waiting = Waiting(Node(node.o, node.d, node.weight, link), back, hit.t)
         child = dr.detach(Visit(node, at, []).child(second))
         return Place(child, back, moves), stack.push(both, waiting), sums, both
@@ -227,6 +231,8 @@ def choose(condition: Array, a: Branch, b: Branch) -> Branch:
     return replace(dr.select(condition, a, b), active=a.active | b.active)
 
 
-def added(sums: Parameters, values: Parameters) -> dict[str, Array]:
-    """The sums with the derivatives that reverse mode has brought to some values."""
+def added(sums: Parameters, values: Parameters, scene: Scene) -> dict[str, Array]:
+    """The sums with the derivatives that reverse mode has brought to some values of a scene."""
+    if scene.many is not None and scene.many.gathered is not None:
+        scene.many.gathered.add()
     return {name: sums[name] + dr.grad(values[name]) for name in sums}

@@ -22,14 +22,34 @@ class Precision:
     real: Any
     vector2: Any
     vector: Any
+    vector4: Any
     tensor: Any
+    columns: Any  # several numbers a lane
     dtype: Any  # NumPy's type of a number
     epsilon: float  # spacing of the numbers just above 1
 
 
-SINGLE = Precision("single", ad.Float, ad.Array2f, ad.Array3f, ad.TensorXf, np.float32, 2.0**-23)
+SINGLE = Precision(
+    "single",
+    ad.Float,
+    ad.Array2f,
+    ad.Array3f,
+    ad.Array4f,
+    ad.TensorXf,
+    ad.ArrayXf,
+    np.float32,
+    2.0**-23,
+)
 DOUBLE = Precision(
-    "double", ad.Float64, ad.Array2f64, ad.Array3f64, ad.TensorXf64, np.float64, 2.0**-52
+    "double",
+    ad.Float64,
+    ad.Array2f64,
+    ad.Array3f64,
+    ad.Array4f64,
+    ad.TensorXf64,
+    ad.ArrayXf64,
+    np.float64,
+    2.0**-52,
 )
 PRECISIONS = (SINGLE, DOUBLE)
 

@@ -57,20 +57,21 @@ def to_numpy(value: Any) -> Any:
     return tuple(component.numpy() for component in value)
 
 
-def to_numbers(value: Array) -> list[Any]:
-    """The numbers of an array; of a vector, a list for each component."""
+def to_numbers(value: Array) -> list[Any] | np.ndarray:
+    """The numbers of an array: a list, or NumPy's array of several; of a vector, a list of those."""
     if dr.depth_v(value) == 1:
-        return list(dr.detach(value))
-    return [list(part) for part in dr.detach(value)]
+        value = dr.detach(value)
+        return list(value) if dr.width(value) == 1 else value.numpy().copy()
+    return [to_numbers(part) for part in value]
 
 
-def from_numbers(numbers: list[Any], precision: Precision) -> Array:
+def from_numbers(numbers: list[Any] | np.ndarray, precision: Precision) -> Array:
     """The reverse of `to_numbers`: an array in Dr.Jit's own memory."""
-    if numbers and isinstance(numbers[0], list):
+    if len(numbers) and isinstance(numbers[0], (list, np.ndarray)):
         return precision.vector(*(from_numbers(own, precision) for own in numbers))
     if len(numbers) == 1:
         return dr.opaque(precision.real, numbers[0])
-    return to_array(np.array(numbers, precision.dtype), len(numbers))
+    return to_array(np.asarray(numbers, precision.dtype), len(numbers))
 
 
 def in_own_memory(value: Array) -> Array:

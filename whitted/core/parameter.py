@@ -92,6 +92,7 @@ class Parameter:
     scale: Scale
     default: Any  # REQUIRED where a file must give it
     neutral: float | None  # the value with which the code that reads it can be left out
+    many: bool  # there is one for each sphere of a cloud
 
 
 @dataclass(frozen=True)
@@ -113,9 +114,10 @@ def parameter(
     scale: Scale = A_FIFTH,
     default: Any = REQUIRED,
     neutral: float | None = None,
+    many: bool = False,
 ) -> Any:
     """A dataclass's field that holds a parameter."""
-    entry = Parameter(size, legal, usual or legal, scale, default, neutral)
+    entry = Parameter(size, legal, usual or legal, scale, default, neutral, many)
     return dataclasses.field(metadata={"parameter": entry})
 
 

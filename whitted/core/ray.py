@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from .arrays import Array
 
-# The number of no primitive
+# The number of no primitive. Those of the spheres in a tree are larger, and all others smaller
 NONE = 0xFFFF
 
 
@@ -34,6 +34,8 @@ class ShadowRay:
     end: Array | None  # Array3f: where the light is; None for one at infinity
     source: Array  # UInt32: number of the primitive that the point lies on
     inward: Array  # Bool: the segment leaves into that primitive
+    wanted: Array | bool = True  # Bool: it matters what is in between
+    light: int = 0  # the light's number
     # Numbers of the primitives that the light is exactly on
     ends_on: frozenset[int] = frozenset()
     # Array3f: the eye that the tree of rays begins at, if that is known; and the names of the

@@ -114,7 +114,7 @@ def _classify_light(
     """A light reaches one side only: the terminator is in between, or the end of a shadow."""
     uint = type(event.kind)
     changes = here.lights[k] != there.lights[k]
-    one, two = incident(scene, at, k), incident(scene, to, k)
+    one, two = (incident(scene, each, k, all_sides=True) for each in (at, to))
     shadow_ends = changes & (one.dark != two.dark)
     if here.veils:
         dims = here.veils[k] != there.veils[k]

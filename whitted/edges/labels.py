@@ -55,7 +55,7 @@ class Decisions:
 def decide(scene: Scene, seen: Visit) -> Decisions:
     """The decisions at a node."""
     ray, at = seen.node.ray, seen.at
-    incidents = [incident(scene, at, k) for k in range(len(scene.lights))]
+    incidents = [incident(scene, at, k, all_sides=True) for k in range(len(scene.lights))]
     return Decisions(
         index=at.hit.index,
         inside=at.hit.inside,
@@ -162,13 +162,13 @@ def labelled_radiance(
     def step(node: Node, state: tuple[Array, Halves]) -> tuple:
         seen = visit(scene, node, limits)
         light, label = state
-        light = dr.fma(node.weight, emitted(scene, node.ray, seen.at), light)
         label = with_node(scene, seen, label, limits)
+        light = dr.fma(node.weight, emitted(scene, node.ray, seen.at), light)
         return (light, label), seen.children, heavy(seen, least)
 
     width = dr.width(ray)
     state = dr.zeros(type(ray.o), width), first_label(scene, limits, width)
-    light, label = walk(scene, limits, Node.first(ray), state, step, "labelled_radiance")
+    light, label = walk(scene, limits, Node.first(scene, ray), state, step, "labelled_radiance")
     return light, joined(label)
 
 

@@ -12,7 +12,7 @@ from ..core.arrays import Array, Parameters
 from ..core.ray import Ray
 from ..scene.features import reflects
 from ..scene.scene import Scene
-from ..tracing.node import FIRST, Limits, Link, Node, visit
+from ..tracing.node import FIRST, Limits, Node, visit
 from .events import Event, board_place, level_function
 from .paths import Path
 
@@ -52,7 +52,7 @@ def level_jvp(
     Returns:
         The derivatives in each direction, and the ray that arrives at the event's node.
     """
-    first = Node.first(ray)
+    first = Node.first(scene, ray)
     state = first, [Tangent.first(first, o, d) for o, d in slopes], edge.path.bounces > 0
 
     def bounce(node, ahead, active):
@@ -114,7 +114,7 @@ class _Chain(Tree):
         seen = visit(self.scene, node, self.limits)
         hit = seen.at.hit
         branch, first = self.edge.path.onward(seen)
-        link = Link.of(hit.index, hit.inside, node.depth).marked(FIRST, first)
+        link = node.link.of(hit.index, hit.inside, node.depth).marked(FIRST, first)
         waiting = Waiting(
             Node(node.o, node.d, node.weight, link), Adjoint.zero(node, dr.width(node)), hit.t
         )
@@ -128,4 +128,4 @@ class _Chain(Tree):
         pull_back(self.seed * (value + faint * weight), dr.ones(type(weight)))
         back = Adjoint(dr.grad(there.o), dr.grad(there.d), dr.detach(self.seed * faint))
         none = dr.zeros(type(place.moves), dr.width(weight))
-        return Place(place.node, back, place.moves), stack, added(sums, values), none
+        return Place(place.node, back, place.moves), stack, added(sums, values, scene), none

@@ -13,7 +13,7 @@ from ..core.arrays import Array
 from ..core.ray import Ray
 from ..scene.features import reflects
 from ..scene.scene import Scene
-from ..tracing.node import BELOW, ON, Limits, Link, Node, Visit, visit
+from ..tracing.node import BELOW, ON, Limits, Node, Visit, visit
 from ..tracing.recursion import walk
 from ..tracing.scatter import Branch
 from ..tracing.shading import emitted
@@ -60,7 +60,7 @@ class Path:
 
 def follow(scene: Scene, ray: Ray, path: Path, limits: Limits) -> Node:
     """Trace one chain down to its node."""
-    node = Node.first(ray)
+    node = Node.first(scene, ray)
     if not reflects(scene):
         return node
 
@@ -86,8 +86,8 @@ def contrasted(scene: Scene, ray: Ray, path: Path, limits: Limits) -> tuple[Arra
     def step(node, state):
         light, label = state
         seen = visit(scene, node, limits)
-        light = dr.fma(node.weight, emitted(scene, node.ray, seen.at), light)
         label = with_node(scene, seen, label, limits)
+        light = dr.fma(node.weight, emitted(scene, node.ray, seen.at), light)
         on = node.link.has(ON)
         below = node.link.has(BELOW) | (on & (node.depth > path.bounces))
         _, first = path.onward(seen)
@@ -100,8 +100,8 @@ def contrasted(scene: Scene, ray: Ray, path: Path, limits: Limits) -> tuple[Arra
         return (light, label), children, onward
 
     width = dr.width(ray)
-    root = Node.first(ray)
-    root.link = Link(root.link.word | ON)
+    root = Node.first(scene, ray)
+    root.link = root.link.marked(ON, True)
     state = dr.zeros(type(ray.o), width), first_label(scene, limits, width)
     light, label = walk(scene, limits, root, state, step, "contrasted")
     return light, joined(label)
@@ -120,7 +120,7 @@ def bright_below(scene: Scene, root: Node, limits: Limits, least: Array) -> Arra
 
 def bright_light(scene: Scene, ray: Ray, limits: Limits, least: Array) -> Array:
     """Radiance along rays, but for what comes from nodes that weigh too little."""
-    return bright_below(scene, Node.first(ray), limits, least)
+    return bright_below(scene, Node.first(scene, ray), limits, least)
 
 
 def dim_light(scene: Scene, ray: Ray, limits: Limits, least: Array) -> Array:
@@ -132,7 +132,7 @@ def dim_light(scene: Scene, ray: Ray, limits: Limits, least: Array) -> Array:
         light = dr.fma(weight, emitted(scene, node.ray, seen.at), light)
         return light, seen.children, seen.traced
 
-    return walk(scene, limits, Node.first(ray), dr.zeros(type(ray.o), dr.width(ray)), step, "dim")
+    return walk(scene, limits, Node.first(scene, ray), dr.zeros(type(ray.o), dr.width(ray)), step, "dim")
 
 
 @dataclass
@@ -177,7 +177,7 @@ def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> Pair:
     Returns:
         The two rays that arrive at the node; their weight is 0 where there is no such node.
     """
-    first, second = Node.first(a), Node.first(b)
+    first, second = Node.first(scene, a), Node.first(scene, b)
     long: Any = dr.uint64_array_t(type(a.source))
     root = Pair.of(first, second, dr.zeros(long, dr.width(first)))
 
@@ -199,6 +199,6 @@ def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> Pair:
         return best, children, onward
 
     zero = dr.zeros(type(first.weight), dr.width(first))
-    nothing = Node(first.o + 0, first.d + 0, zero, Link(first.link.word + 0))
+    nothing = Node(first.o + 0, first.d + 0, zero, first.link.copy())
     none = Pair(nothing, second.o + 0, second.d + 0, zero + 0, root.turns + 0)
     return walk(scene, limits, root, none, step, "strongest_difference")

@@ -12,7 +12,9 @@ import drjit as dr
 
 from ..autodiff.propagate import pull_back, push_forward
 from ..core.arrays import Array, Parameters
+from ..core.gathered import Gathered
 from ..core.ray import Ray
+from ..scene.many import SPHERES
 from ..scene.scene import Scene
 from ..scene.structure import Structure
 from ..tracing.primary import CameraFrame, camera_frame
@@ -45,12 +47,15 @@ class Forward:
         wrt: Parameters,
         tangents: Parameters,
     ) -> None:
-        wrt = dr.detach(wrt)
+        wrt, tangents = dr.detach(dict(wrt)), dict(tangents)
+        of_many = tangents.pop(SPHERES, None) if wrt.pop(SPHERES, None) is not None else None
         dr.enable_grad(wrt)
         dr.set_grad(wrt, tangents)
         scene, frame = prepare(structure, parameters | wrt, size)
         push_forward(wrt)
         self.scene, self.frame = dr.detach(scene), dr.detach(frame)
+        if of_many is not None:
+            self.scene = self.scene.gathering(Gathered(tangents=of_many))
         self.tangents = {name: dr.grad(value) for name, value in _moving(scene).items()}
         self._frame_tangent = dr.grad(frame)
 
@@ -80,7 +85,8 @@ class Reverse:
         Args:
             nothing: zeros as wide as the wavefront. They keep each lane's derivatives in its lane.
         """
-        self.wrt = dr.detach(wrt)
+        self.wrt = dr.detach(dict(wrt))
+        of_many = self.wrt.pop(SPHERES, None)
         dr.enable_grad(self.wrt)
         scene, frame = prepare(structure, parameters | self.wrt, size)
         moves = any(name.startswith("camera.") for name in wrt)
@@ -88,6 +94,13 @@ class Reverse:
         self.scene, self.frame = dr.detach(scene), dr.detach(frame)
         self.wide = {name: value + nothing for name, value in dr.detach(self.inputs).items()}
         self.frame_moves = moves
+        # Derivatives by the spheres that a tree finds are not summed by lane
+        self.of_many = Gathered()
+        if of_many is not None:
+            zeros = dr.zeros(type(of_many), dr.width(of_many))
+            dr.make_opaque(zeros)
+            self.of_many = Gathered(sums=zeros)
+            self.scene = self.scene.gathering(self.of_many)
 
     def zeros(self, width: int) -> Parameters:
         """Sums over no samples."""
@@ -116,7 +129,8 @@ class Reverse:
             dr.set_grad(value, _total(sums[name]))
             dr.enqueue(dr.ADMode.Backward, value)
         dr.traverse(dr.ADMode.Backward)
-        return dr.grad(self.wrt)
+        many = {} if self.of_many.sums is None else {SPHERES: self.of_many.sums}
+        return dr.grad(self.wrt) | many
 
 
 def _moving(scene: Scene) -> Parameters:
@@ -124,7 +138,7 @@ def _moving(scene: Scene) -> Parameters:
 
     The camera's are left out: samples read its frame.
     """
-    names = (name for name in scene.locations if not name.startswith("camera."))
+    names = (name for name in scene.locations if not name.startswith(("camera.", "many.")))
     values = scene.parameters(*names)
     return {name: value for name, value in values.items() if dr.grad_enabled(value)}
 

@@ -1,34 +1,41 @@
 """From the tables of a file to the fields of a `Scene`."""
 
 import math
+from pathlib import Path
 from typing import Any
 
 import drjit as dr
+import numpy as np
 
 from ..core.arrays import Array, Precision
+from ..core.host import from_numbers
 from ..core.parameter import Parameter, parameters_of, settings_of
 from ..lights import LIGHTS
 from ..shapes import SHAPES
 from .camera import Camera
+from .cloud import Cloud
 from .material import Material
+from .rows import with_files
 from .schema import SceneError, default_name, problems
 from .surroundings import Surroundings
 from .tables import SceneTable
 from .texture import Checkerboard
 
 
-def checked(raw: dict[str, Any], prefix: str = "", named: bool = False) -> Any:
+def checked(raw: Any, prefix: str = "", named: bool = False, folder: str = "") -> Any:
     """The validated table of a scene.
 
     Args:
         raw: the tables of a file.
+        folder: what the names of other files are relative to.
         prefix: what each line of a message begins with.
         named: see `problems`.
 
     Raises:
         SceneError: it is not a valid scene.
     """
-    found = [f"{prefix}{problem}" for problem in problems(raw, named)]
+    raw, found = with_files(raw, Path(folder))
+    found = [f"{prefix}{problem}" for problem in (*found, *problems(raw, named))]
     if found:
         raise SceneError("\n".join(found))
     return SceneTable.model_validate(raw)
@@ -59,6 +66,10 @@ def fields_of(table: Any, precision: Precision) -> dict[str, Any]:
             for kind in SHAPES
             for i, own in enumerate(getattr(table, kind.group))
         ),
+        "clouds": tuple(
+            _cloud(own, named("clouds", i, own), precision) for i, own in enumerate(table.clouds)
+        ),
+        "many": None,
         "materials": tuple(
             thing(
                 Material, own, name=name, checker=own.checker and thing(Checkerboard, own.checker)
@@ -72,6 +83,13 @@ def fields_of(table: Any, precision: Precision) -> dict[str, Any]:
         "max_depth": table.max_depth,
         "min_importance": table.min_importance,
     }
+
+
+def _cloud(table: Any, name: str, precision: Precision) -> Cloud:
+    numbers = table.spheres.numbers.astype(precision.dtype)
+    columns = [from_numbers(column, precision) for column in np.ascontiguousarray(numbers.T)]
+    center = precision.vector(*columns[:3])
+    return Cloud(name, table.material, center, columns[3], table.spheres.file)
 
 
 def _array(entry: Parameter, value: Any, precision: Precision) -> Array:

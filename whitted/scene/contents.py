@@ -5,15 +5,22 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
+import numpy as np
+
 from ..core.arrays import Array, Parameters, Precision, precision_named, precision_of
-from ..core.host import from_numbers, to_numbers
+from ..core.gathered import Gathered
+from ..core.host import from_numbers, to_lanes, to_numbers
 from ..core.parameter import Numbers, parameters_of
 from ..core.pytree import put_together, take_apart
 from ..lights import Light
 from ..shapes import SHAPES, Shape
-from ..shapes.sets import ShapeSet, sets_of
+from ..shapes.many import ManySpheres
+from ..shapes.places import PlacesOfMany
+from ..shapes.sets import sets_of
 from .camera import Camera
+from .cloud import Cloud
 from .features import Features, features_of
+from .many import SPECIAL, SPHERES, Many, Source, attached_spheres, many_of, sources_of, places_of_many
 from .material import Material
 from .parameters import Location, locations_in, numbers_of, with_values
 from .structure import UP, Structure
@@ -32,14 +39,18 @@ class Contents(Surroundings):
     shapes: tuple[Shape, ...]
     materials: tuple[Material, ...]
     lights: tuple[Light, ...]
+    clouds: tuple[Cloud, ...]
+    # In a kernel: the spheres that a tree finds, which are then not among shapes and clouds
+    many: ManySpheres | None
     max_depth: int
     min_importance: float
     # The parameters with a neutral value that `replace` has changed
     touched: frozenset[str]
     # In a kernel: the features that it is compiled for
     fixed: Features | None
-    # The file that it was read from, whose comments `save` keeps; empty without one
+    # The file that it was read from, whose comments `save` keeps, and its folder; empty without one
     text: str
+    folder: str
 
     def carrying(self: Own, values: Mapping[str, Array]) -> Own:
         """The scene with these arrays for its parameters, unchecked and of any width."""
@@ -63,7 +74,7 @@ class Contents(Surroundings):
         """A copy with these fields, which has the same parameters."""
         scene, own = object.__new__(type(self)), self.__dict__
         scene.__dict__.update({name: own[name] for name in FIELDS}, **changes)
-        derived = ("locations", "neutral", "names_by_shape")
+        derived = ("locations", "neutral", "names_by_shape", "sources")
         scene.__dict__.update({name: getattr(self, name) for name in derived})
         return scene
 
@@ -71,7 +82,10 @@ class Contents(Surroundings):
         """Whether another scene has the same objects, numbers, settings and precision."""
         if not isinstance(other, Contents):
             return NotImplemented
-        return self._described == other._described and self.numbers == other.numbers
+        if self._described != other._described:
+            return False
+        mine, others = self.numbers, other.numbers
+        return all(np.array_equal(own, others[name]) for name, own in mine.items())
 
     def __hash__(self) -> int:
         return hash(self._described)
@@ -79,7 +93,10 @@ class Contents(Surroundings):
     @cached_property
     def _described(self) -> Hashable:
         """All of the scene but its numbers, and whether `replace` has touched them."""
-        described = replace(self, touched=frozenset(), fixed=None, text="")
+        clouds = tuple(replace(cloud, file="") for cloud in self.clouds)
+        described = replace(
+            self, clouds=clouds, touched=frozenset(), fixed=None, text="", folder=""
+        )
         return take_apart(described, []), self.precision.name
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -108,7 +125,7 @@ class Contents(Surroundings):
             for place, shape in enumerate(self.shapes):
                 if type(shape) is kind:
                     yield from locations_in(shape, f"{kind.group}.{shape.name}", "shapes", place)
-        for field in ("materials", "lights"):
+        for field in ("clouds", "materials", "lights"):
             for place, thing in enumerate(getattr(self, field)):
                 yield from locations_in(thing, f"{field}.{thing.name}", field, place)
         yield from locations_in(self.camera, "camera", "camera")
@@ -127,16 +144,40 @@ class Contents(Surroundings):
 
     @cached_property
     def names_by_shape(self) -> tuple[tuple[str, ...], ...]:
-        """The names of each shape's parameters."""
+        """The names of the parameters of each of `singles`."""
         return tuple(
             tuple(f"{shape.group}.{shape.name}.{field}" for field in parameters_of(type(shape)))
-            for shape in self.shapes
+            for shape in self.singles
         )
+
+    @cached_property
+    def sources(self) -> tuple[Source, ...]:
+        """Where the spheres come from that a tree finds."""
+        return sources_of(self.shapes, self.clouds)
+
+    @cached_property
+    def singles(self) -> tuple[Shape, ...]:
+        """The shapes that are code of their own in kernels."""
+        found = {source.name for source in self.sources}
+        return tuple(x for x in self.shapes if f"{x.group}.{x.name}" not in found)
+
+    @cached_property
+    def tree(self) -> Many:
+        """The numbers of the spheres that a tree finds, and the tree."""
+        return many_of(self, self.__dict__.get("tree_before"))
+
+    @cached_property
+    def marked(self) -> tuple[PlacesOfMany, np.ndarray]:
+        """Facts about where these spheres are; see `places_of_many`."""
+        lights = [self.numbers.get(f"lights.{light.name}.position") for light in self.lights]
+        eye = self.numbers["camera.position"]
+        return places_of_many(self.tree.spheres, eye, lights, self.precision)
 
     @cached_property
     def numbers(self) -> dict[str, Numbers]:
         """The numbers of all parameters."""
-        return numbers_of({name: where.read(self) for name, where in self.locations.items()})
+        arrays = {name: where.read(self) for name, where in self.locations.items()}
+        return numbers_of(arrays, self.locations)
 
     @cached_property
     def features(self) -> Features:
@@ -156,10 +197,14 @@ class Contents(Surroundings):
 
     def inputs(self) -> Parameters:
         """What kernels take: all parameters, by their names in kernels, and the direction up."""
-        names = self.structure.names
-        arrays = {names[name]: where.read(self) for name, where in self.locations.items()}
+        names = self.structure.names.items()
+        arrays = {own: self.locations[name].read(self) for name, own in names}
         copies = {name: type(array)(array) for name, array in arrays.items()}
         copies[UP] = from_numbers([[x] for x in self.camera.up], self.precision)
+        if self.sources:
+            copies |= self.tree.arrays
+            copies[SPHERES] = attached_spheres(self, copies[SPHERES])
+            copies[SPECIAL] = to_lanes(self.marked[1])
         return copies
 
     @property
@@ -170,12 +215,18 @@ class Contents(Surroundings):
     def used(self) -> tuple[Material, ...]:
         """The materials of the shapes that rays can meet."""
         names = {name for primitives in self.sets for name in primitives.made_from}
+        names |= {source.material for source in self.sources}
         return tuple(material for material in self.materials if material.name in names)
 
     @cached_property
-    def sets(self) -> tuple[ShapeSet, ...]:
+    def sets(self) -> tuple[Any, ...]:
         """The primitives that rays can meet, by kind of shape."""
-        return sets_of(self.shapes, self.features.places)
+        many = () if self.many is None else (self.many,)
+        return *sets_of(self.singles, self.features.places), *many
+
+    def gathering(self: Own, gathered: Gathered) -> Own:
+        """In a kernel: the scene with derivatives by the spheres that a tree finds."""
+        return self._with(many=replace(self.many, gathered=gathered))  # type: ignore[type-var]
 
 
 FIELDS = tuple(field.name for field in fields(Contents))

@@ -3,10 +3,12 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
+
 from ..core.arrays import Precision
 from ..core.parameter import Parameter, parameters_of, settings_of
 from ..lights import LIGHTS
-from ..shapes import SHAPES
+from .rows import Rows
 from .schema import default_name
 from .surroundings import Surroundings
 from .tables import GROUPS, POINT, SceneTable
@@ -54,10 +56,15 @@ def dictionary_of(scene: Any, whole: bool = False) -> dict[str, Any]:
         materials[material.name] = table(material, prefix)
         if material.checker is not None:
             materials[material.name]["checker"] = table(material.checker, f"{prefix}checker.")
-    groups: dict[str, list[dict[str, Any]]] = {kind.group: [] for kind in SHAPES}
+    groups: dict[str, list[dict[str, Any]]] = {group: [] for group in GROUPS}
     for shape in scene.shapes:
         own = table(shape, f"{shape.group}.{shape.name}.", name=shape.name)
         groups[shape.group].append({**own, "material": shape.material})
+    for cloud in scene.clouds:
+        center, radius = (numbers[f"clouds.{cloud.name}.{field}"] for field in ("center", "radius"))
+        rows = Rows(np.column_stack([center, radius]), cloud.file)
+        own = {"name": cloud.name, "spheres": rows, "material": cloud.material}
+        groups["clouds"].append(own)
     groups["lights"] = []
     for light in scene.lights:
         kind = TYPES[type(light)]
@@ -65,6 +72,12 @@ def dictionary_of(scene: Any, whole: bool = False) -> dict[str, Any]:
         groups["lights"].append(table(light, f"lights.{light.name}.", name=light.name, **more))
     filled = {"materials": materials, **groups}
     return tables | {group: own for group, own in filled.items() if own}
+
+
+def with_rows(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """The same tables with Python's numbers for the spheres of clouds."""
+    clouds = [own | {"spheres": Rows(own["spheres"].numbers).written()} for own in tables.get("clouds", ())]
+    return {**tables, **({"clouds": clouds} if clouds else {})}
 
 
 def without_default_names(tables: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from typing import Any
 
 from .blocks import EMPTY_LINE, Block, blocks_of, put_in, take_out, tomllib
 from .dictionary import dictionary_of
+from .rows import Rows
 from .schema import default_name
 from .tables import GROUPS
 
@@ -167,7 +168,7 @@ def _new_block(entry: Entry, table: Tables, place: int | None = None) -> Block:
     import tomlkit
 
     group, name = entry
-    table = with_board_in_line(table)
+    table = as_written(table)
     if place is None:
         text = tomlkit.dumps({group: {name: table}})
         return Block(entry, text=text.replace(f"[{group}]\n", "", 1))
@@ -207,12 +208,13 @@ def _edit(document: Any, old: Tables, new: Tables) -> None:
         elif isinstance(value, dict):
             document[key] = _in_line(value)
         elif value != before:
-            document[key] = value
+            document[key] = as_written({key: value})[key]
 
 
-def with_board_in_line(own: Tables) -> Tables:
-    """A material's table whose checkerboard takes one line; another table stays as it is."""
-    return own | {"checker": _in_line(own["checker"])} if "checker" in own else dict(own)
+def as_written(own: Tables) -> Tables:
+    """A thing's table as a file has it: a checkerboard takes one line, and a cloud may be a file."""
+    own = {key: value.written() if isinstance(value, Rows) else value for key, value in own.items()}
+    return own | {"checker": _in_line(own["checker"])} if "checker" in own else own
 
 
 def _in_line(own: Tables) -> Any:
@@ -220,5 +222,5 @@ def _in_line(own: Tables) -> Any:
     import tomlkit
 
     table = tomlkit.inline_table()
-    table.update(own)
+    table.update(as_written(own))
     return table

@@ -6,7 +6,7 @@ through that value, and a derivative at that value needs the code.
 """
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from ..shapes import SHAPES
@@ -32,7 +32,7 @@ class Features:
 
 
 # Beginnings of the names of parameters that tell where the shapes, the lights and the eye are
-PLACES = ("camera.position", "lights.", *(f"{kind.group}." for kind in SHAPES))
+PLACES = ("camera.position", "lights.", "clouds.", *(f"{kind.group}." for kind in SHAPES))
 
 
 def features_of(
@@ -79,7 +79,9 @@ def _of_places(scene: "Contents") -> Places:
     numbers = scene.numbers
     by_shape = ([numbers[name] for name in names] for names in scene.names_by_shape)
     lights = [numbers.get(f"lights.{light.name}.position") for light in scene.lights]
-    return places_of(scene.shapes, by_shape, numbers["camera.position"], lights, scene.precision)
+    eye = numbers["camera.position"]
+    places = places_of(scene.singles, by_shape, eye, lights, scene.precision)
+    return replace(places, many=scene.marked[0]) if scene.sources else places
 
 
 def may(scene: "Contents", material: Material, field: str) -> bool:

@@ -9,8 +9,9 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from ..core.arrays import Array
-from ..core.parameter import OVERSTEP, Numbers, Parameter, parameters_of
+from ..core.arrays import Array, precision_of
+from ..core.host import from_numbers
+from ..core.parameter import LARGEST, OVERSTEP, Numbers, Parameter, parameters_of
 from .plain import plain
 
 
@@ -118,12 +119,17 @@ def remedy_of(values: Mapping[str, Any]) -> str:
     return "; bound the steps of the optimiser" if stepped else ""
 
 
-def as_parameter(name: str, value: Any, old: Array) -> Array:
+def as_parameter(name: str, value: Any, old: Array, many: bool) -> Array:
     """A value as an array of the old one's type.
 
+    Args:
+        many: the parameter has a number, or a vector, for each sphere of a cloud.
+
     Raises:
-        ValueError: it is not one number, or not one vector, as the old one is.
+        ValueError: it is not one number, or not one vector, or not so many, as the old one is.
     """
+    if many:
+        return _as_many(name, value, old)
     want, size = ("one vector of three numbers", 3) if dr.depth_v(old) == 2 else ("one number", 1)
     if value is not None and dr.is_tensor_v(value) and dr.prod(value.shape) == size:
         # As arrays, which gradients go through
@@ -141,6 +147,30 @@ def as_parameter(name: str, value: Any, old: Array) -> Array:
     return type(old)(*numbers)
 
 
+def _as_many(name: str, value: Any, old: Array) -> Array:
+    """The same for a parameter that has a number, or a vector, for each sphere of a cloud."""
+    count, vectors = dr.width(old), dr.depth_v(old) == 2
+    shape = (count, 3) if vectors else (count,)
+    if value is not None and dr.is_tensor_v(value) and value.shape == shape:
+        value = dr.unravel(type(old), value.array) if vectors else value.array
+    if value is not None and dr.is_jit_v(value) and not dr.is_tensor_v(value):
+        alike = dr.depth_v(value) == dr.depth_v(old) and dr.size_v(value) == dr.size_v(old)
+        if alike and dr.width(value) == count:
+            return value if type(value) is type(old) else type(old)(value)
+        got = f"{type(value).__name__} of shape {dr.shape(value)}"
+    else:
+        try:
+            numbers = np.asarray(value)
+        except ValueError:
+            numbers = np.empty(0)
+        if numbers.shape == shape and numbers.dtype.kind in "fiu":
+            dtype = precision_of(old).dtype
+            return from_numbers(np.ascontiguousarray(numbers.T, dtype), precision_of(old))
+        got = f"an array of shape {numbers.shape}" if numbers.size else repr(value)
+    remedy = f"replace '{name.rpartition('.')[0]}.spheres' for another number of spheres"
+    raise ValueError(f"{name}: expected numbers of shape {shape}, got {got}; {remedy}")
+
+
 def _numbers_in(value: object) -> list[float]:
     """The numbers that a value consists of; none if it has something else, as a file may not."""
     try:
@@ -151,14 +181,21 @@ def _numbers_in(value: object) -> list[float]:
         return []
 
 
-def numbers_of(arrays: Mapping[str, Array]) -> dict[str, Numbers]:
-    """The numbers of parameters. Waits for the kernels that compute them."""
+def numbers_of(
+    arrays: Mapping[str, Array], locations: Mapping[str, Location]
+) -> dict[str, Numbers]:
+    """The numbers of parameters; of clouds, NumPy's arrays. Waits for the kernels that compute them.
+    """
     known = {name: dr.detach(array) for name, array in arrays.items()}
     dr.eval(known)
-    return {
-        name: tuple(part[0] for part in array) if dr.depth_v(array) == 2 else (array[0],)
-        for name, array in known.items()
-    }
+    found: dict[str, Any] = {}
+    for name, array in known.items():
+        vector = dr.depth_v(array) == 2
+        if locations[name].entry.many:
+            found[name] = array.numpy().T.copy()
+        else:
+            found[name] = tuple(part[0] for part in array) if vector else (array[0],)
+    return found
 
 
 def check_numbers(
@@ -175,9 +212,23 @@ def check_numbers(
     """
     for name, own in numbers.items():
         entry = locations[name].entry
+        if entry.many:
+            _check_many(name, own, entry, remedy)
+            continue
         told = f"{name} = {', '.join(f'{x:g}' for x in own)}"
         if not all(entry.legal.holds(x, OVERSTEP) for x in own):
             expected = entry.legal.expected(entry.size, own)
             raise ValueError(f"{told}: expected {expected}{remedy}")
         if entry.legal.direction and not any(own):
             raise ValueError(f"{told}: expected a direction, not zero")
+
+
+def _check_many(name: str, numbers: Any, entry: Parameter, remedy: str) -> None:
+    """The same for the numbers of a cloud."""
+    least = 1 / LARGEST if entry.legal.open else -LARGEST
+    rows = numbers.reshape(len(numbers), -1)
+    bad = np.flatnonzero(~((rows >= least) & (rows <= LARGEST)).all(1))
+    if bad.size:
+        told = ", ".join(f"{x:g}" for x in rows[bad[0]])
+        expected = entry.legal.expected(entry.size, rows[bad[0]].tolist())
+        raise ValueError(f"{name}, sphere {bad[0]} = {told}: expected {expected}{remedy}")

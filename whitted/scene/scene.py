@@ -20,7 +20,8 @@ from .assemble import added, assembled, check_in_use, removed, replaced, setting
 from .build import checked, fields_of
 from .camera import view_problem
 from .contents import FIELDS, Contents
-from .dictionary import dictionary_of, without_default_names
+from .dictionary import dictionary_of, with_rows, without_default_names
+from .cloud_files import filed
 from .editing import edited_text
 from .parameters import (
     as_parameter,
@@ -79,6 +80,7 @@ class Scene(Contents):
         spheres: Iterable[things.Sphere] = (),
         planes: Iterable[things.Plane] = (),
         discs: Iterable[things.Disc] = (),
+        clouds: Iterable[things.Cloud] = (),
         lights: Iterable[things.PointLight | things.DirectionalLight] = (),
         materials: Iterable[things.Material] | Mapping[str, Any] = (),
         background: Any = (0, 0, 0),
@@ -92,6 +94,7 @@ class Scene(Contents):
         Args:
             camera: a `Camera`.
             spheres, planes, discs: of each kind of shape; of what coincides the first is seen.
+            clouds: of many spheres each.
             lights: of all kinds.
             materials: those that shapes name; what a shape is given itself is known anyway.
             background: radiance of a ray that leaves the scene, linear RGB.
@@ -106,7 +109,13 @@ class Scene(Contents):
         """
         tables = assembled(
             camera,
-            {"spheres": spheres, "planes": planes, "discs": discs, "lights": lights},
+            {
+                "spheres": spheres,
+                "planes": planes,
+                "discs": discs,
+                "clouds": clouds,
+                "lights": lights,
+            },
             materials,
             background=background,
             ambient=ambient,
@@ -131,13 +140,20 @@ class Scene(Contents):
 
     @classmethod
     def _read(
-        cls, tables: Any, precision: str, *, prefix: str = "", named: bool = False, text: str = ""
+        cls,
+        tables: Any,
+        precision: str,
+        *,
+        prefix: str = "",
+        named: bool = False,
+        text: str = "",
+        folder: str = "",
     ) -> "Scene":
-        """The scene of some tables; see `checked`, and the field `text`."""
+        """The scene of some tables; see `checked`, and the fields `text` and `folder`."""
         types = precision_named(precision)
-        fields = fields_of(checked(tables, prefix, named), types)
+        fields = fields_of(checked(tables, prefix, named, folder), types)
         scene = object.__new__(cls)
-        scene.__dict__.update(fields, touched=frozenset(), fixed=None, text=text)
+        scene.__dict__.update(fields, touched=frozenset(), fixed=None, text=text, folder=folder)
         # Read the numbers now: within a function that the user freezes they cannot be read
         _ = scene.numbers
         return scene
@@ -191,11 +207,12 @@ class Scene(Contents):
         if not all(name in known for name in values.keys()):  # noqa: SIM118 (an optimiser's are)
             return self._with_settings(values)
         arrays = {
-            name: as_parameter(name, value, known[name].read(self))
+            name: as_parameter(name, value, known[name].read(self), known[name].entry.many)
             for name, value in values.items()
         }
+        self._check_recording(arrays)
         # While a kernel is recorded numbers are not known; those of before decide what is compiled
-        numbers = {} if _is_recording() else numbers_of(arrays)
+        numbers = {} if _is_recording() else numbers_of(arrays, known)
         remedy = remedy_of(values)
         check_numbers(numbers, known, remedy)
         self._check_view(numbers, remedy)
@@ -206,6 +223,8 @@ class Scene(Contents):
         scene.__dict__.update(
             numbers=self.numbers | numbers, before=(self.structure, arrays.keys())
         )
+        if self.sources:
+            scene.__dict__["tree_before"] = self.tree
         return scene
 
     def _with_settings(self, values: Mapping[str, Any]) -> "Scene":
@@ -253,8 +272,10 @@ class Scene(Contents):
         Args:
             changed: names of keys whose tables are new.
         """
-        scene = Scene._read(tables, self.precision.name, named=True, text=self.text)
-        new = tuple(f"{name}." for name in changed)
+        about = {"text": self.text, "folder": self.folder}
+        scene = Scene._read(tables, self.precision.name, named=True, **about)
+        # All spheres of a cloud are new together
+        new = tuple(f"{name.removesuffix('.spheres')}." for name in changed)
         kept = {
             name: where.read(self)
             for name, where in self.locations.items()
@@ -293,7 +314,7 @@ class Scene(Contents):
         Numbers are the shortest decimals that give those of the scene. What an optimiser has moved
         over a closed end of its range is that end.
         """
-        return without_default_names(dictionary_of(self))
+        return without_default_names(with_rows(dictionary_of(self)))
 
     def save(self, path: str | Path) -> None:
         """Write a scene file.
@@ -308,19 +329,24 @@ class Scene(Contents):
         Raises:
             OSError: the file cannot be written.
         """
-        write_text(Path(path), self._edited_text() or text_of(self))
+        path = Path(path)
+        scene = self._with(clouds=filed(self, path))
+        write_text(path, scene._edited_text(path.parent) or text_of(scene))
 
-    def _edited_text(self) -> str:
+    def _edited_text(self, folder: Path) -> str:
         """The text of the file that the scene was read from, with what has changed; empty without
         one, and where it is written in a way that cannot be edited.
+
+        Args:
+            folder: where the new file will be.
         """
         if not self.text:
             return ""
         precision = self.precision.name
-        before = Scene._read(tables_in(self.text), precision)
         try:
+            before = Scene._read(tables_in(self.text), precision, folder=self.folder)
             text = edited_text(self.text.removeprefix(MARK), before, self)
-            after = Scene._read(tables_in(text), precision)
+            after = Scene._read(tables_in(text), precision, folder=str(folder))
         except (LookupError, ValueError):
             # Some ways to write a file tomlkit does not edit
             return ""
@@ -349,6 +375,16 @@ class Scene(Contents):
 
     def __repr__(self) -> str:
         return summary(self)
+
+    def _check_recording(self, names: Iterable[str]) -> None:
+        """Refuse to move the spheres of a tree while a kernel is recorded."""
+        own = tuple(f"{source.name}." for source in self.sources)
+        moved = [name for name in names if name.startswith(own)] if own else []
+        if moved and _is_recording():
+            remedy = "replace them outside, and give the function the scene"
+            raise ValueError(
+                f"{moved[0]}: a tree of spheres cannot be built in a frozen function; {remedy}"
+            )
 
     def _check_view(self, changed: Mapping[str, Numbers], remedy: str) -> None:
         """Refuse a camera that looks nowhere."""

@@ -139,9 +139,10 @@ def _expected(root: type[BaseModel], path: Path) -> str:
 def _cross_problems(raw: dict[str, Any], where: Callable[..., str]) -> list[str]:
     """What no key alone can tell. Tables that are not of the right type were reported already."""
     groups = {group: _tables(raw, group) for group in (*GROUPS, "lights")}
-    count = sum(len(tables) for tables in groups.values())
+    count = sum(len(own) for group, own in groups.items() if group not in ("spheres", "clouds"))
     if count > MAX_OBJECTS:
-        return [f"{count} shapes and lights: expected at most {MAX_OBJECTS}"]
+        told = f"{count} shapes and lights that are no spheres"
+        return [f"{told}: expected at most {MAX_OBJECTS}"]
     found = _camera_problems(_as_table(raw.get("camera")))
     found += _board_problems(_as_table(raw.get("materials")), where)
     for group, tables in groups.items():

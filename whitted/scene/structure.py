@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.arrays import Array
 from ..core.pytree import put_together, take_apart
+from ..shapes.many import ManySpheres
 from .features import Features, reflects
+from .many import OF_MANY, materials_of_many
 from .parameters import Location
 
 if TYPE_CHECKING:
@@ -32,8 +34,10 @@ class Structure:
         changed: dict[str, Any] = {
             "shapes": tuple(
                 replace(shape, name=str(k), material=materials[shape.material])
-                for k, shape in enumerate(scene.shapes)
+                for k, shape in enumerate(scene.singles)
             ),
+            "clouds": (),
+            "many": self._many(scene, materials),
             "materials": _numbered(scene.materials),
             "lights": _numbered(scene.lights),
             # What follows is given to kernels in other ways, or not at all
@@ -43,14 +47,18 @@ class Structure:
             "max_depth": 0,
             "min_importance": 0.0,
             "text": "",
+            "folder": "",
         }
-        # The names of parameters in kernels
-        self.names = {name: _placed(name, where) for name, where in scene.locations.items()}
+        # Where parameters are in kernels, and their names there
+        places = _locations_in_kernels(scene)
+        self.names = {name: _placed(name, where) for name, where in places.items()}
         bare = replace(scene, fixed=self._features(materials), **changed)
         self.key = take_apart(bare, []), self.precision.name
         self._hash = hash(self.key)
-        self._locations = {self.names[name]: where for name, where in scene.locations.items()}
+        self._locations = {self.names[name]: where for name, where in places.items()}
         self._locations[UP] = replace(self._locations["camera.look_at"], path=("up",))
+        if scene.sources:
+            self._locations |= OF_MANY
 
     def __hash__(self) -> int:
         return self._hash
@@ -64,6 +72,14 @@ class Structure:
         scene.__dict__["locations"] = self._locations
         return scene.carrying(inputs)
 
+    def _many(self, scene: "Contents", materials: Mapping[str, str]) -> ManySpheres | None:
+        """The spheres that a tree finds, with any arrays."""
+        if not scene.sources:
+            return None
+        names = tuple(materials[name] for name in materials_of_many(scene.sources))
+        facts, any_array = self.features.places.many, scene.background
+        return ManySpheres(names, scene.sources[-1].rows.stop, facts, *(any_array,) * len(OF_MANY))
+
     def _features(self, materials: Mapping[str, str]) -> Features:
         """The features of the scene, by the names in kernels."""
         features = self.features
@@ -73,6 +89,19 @@ class Structure:
             frozenset(materials[name] for name in features.shadowless),
             features.places,
         )
+
+
+def _locations_in_kernels(scene: "Contents") -> dict[str, Location]:
+    """Where each parameter is in kernels, but for those of the spheres that a tree finds."""
+    singles = {f"{own.group}.{own.name}": k for k, own in enumerate(scene.singles)}
+    places = {}
+    for name, where in scene.locations.items():
+        if where.field == "shapes":
+            place = singles.get(name.removesuffix(f".{where.path[0]}"))
+            where = None if place is None else replace(where, place=place)
+        if where is not None and where.field != "clouds":
+            places[name] = where
+    return places
 
 
 def _placed(name: str, where: Location) -> str:

@@ -16,7 +16,7 @@ def summary(scene: Any) -> str:
     # A scene in a kernel has no numbers
     if "numbers" not in scene.__dict__:
         return title
-    things = [(thing.group, thing) for thing in scene.shapes]
+    things = [(thing.group, thing) for thing in (*scene.shapes, *scene.clouds)]
     things += [("lights", thing) for thing in scene.lights]
     rows = [("camera", "", "", _numbers(scene, "camera", scene.camera))]
     rows += [
@@ -36,6 +36,8 @@ def summary(scene: Any) -> str:
 
 
 def _numbers(scene: Any, prefix: str, thing: Any) -> str:
+    if prefix.startswith("clouds."):
+        return f"{len(scene.numbers[f'{prefix}.radius'])} spheres"
     told = []
     for field in parameters_of(type(thing)):
         told.append(f"{field} {' '.join(f'{x:.4g}' for x in scene.numbers[f'{prefix}.{field}'])}")

@@ -21,16 +21,20 @@ from ..core.parameter import (
 from ..lights import LIGHTS
 from ..shapes import SHAPES
 from .camera import Camera
+from .cloud import Cloud
 from .material import Material
+from .rows import rows_of
 from .surroundings import Surroundings
 from .texture import Checkerboard
 
 # Most nodes on a chain of rays: the local memory of a kernel's stack grows with them
 MAX_DEPTH = 256
-# Most shapes and lights: each is code of its own, and a kernel of 1000 compiles for half a minute
+# Most shapes and lights but spheres: each is code of its own, and a kernel of 1000 compiles for half
+# a minute
 MAX_OBJECTS = 1000
 
-GROUPS = {kind.group: kind for kind in SHAPES}
+# What has a name and a material
+GROUPS: dict[str, Any] = {kind.group: kind for kind in (*SHAPES, Cloud)}
 # The type of a light's table without one
 POINT = next(iter(LIGHTS))
 
@@ -130,15 +134,21 @@ CheckerTable = _table(Checkerboard)
 MaterialTable = _table(Material, checker=(CheckerTable | None, None))
 # Of a material by itself. In a file the name is the key of the table
 NamedMaterialTable = _table(Material, name=(Name, ...), checker=(CheckerTable | None, None))
-SHAPE_TABLES = {
-    group: _table(kind, name=OPTIONAL_NAME, material=(MaterialName, ...))
-    for group, kind in GROUPS.items()
-}
-# Of shapes by themselves, as Python makes them
-SHAPES_IN_PYTHON = {
-    group: _table(kind, name=OPTIONAL_NAME, material=(MaterialOrName, ...))
-    for group, kind in GROUPS.items()
-}
+
+
+def _shape_tables(material: Any) -> dict[str, type[BaseModel]]:
+    """The tables of what has a name and a material."""
+    more: Any = {"name": OPTIONAL_NAME, "material": (material, ...)}
+    spheres: Any = Annotated[Any, BeforeValidator(rows_of)], ...
+    return {
+        **{kind.group: _table(kind, **more) for kind in SHAPES},
+        Cloud.group: create_model("CloudTable", __base__=_Table, spheres=spheres, **more),
+    }
+
+
+SHAPE_TABLES = _shape_tables(MaterialName)
+# Of things by themselves, as Python makes them
+SHAPES_IN_PYTHON = _shape_tables(MaterialOrName)
 LIGHT_TABLES = {
     name: _table(kind, name=OPTIONAL_NAME, type=(Literal[name], name))
     for name, kind in LIGHTS.items()

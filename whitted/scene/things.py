@@ -8,12 +8,16 @@ import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, ParamSpec
 
+import drjit as dr
+import numpy as np
+
 from ..core.parameter import parameters_of
 from ..lights import directional, point
 from ..shapes import disc, plane, sphere
-from . import camera, material, texture
+from . import camera, cloud, material, texture
 from .dictionary import TYPES
 from .plain import plain
+from .rows import Rows, rows_of
 from .schema import SceneError, nearest_or_all, thing_problems
 from .tables import LIGHT_TABLES, SHAPES_IN_PYTHON, CameraTable, CheckerTable, NamedMaterialTable
 
@@ -260,6 +264,94 @@ class Disc(Thing):
         """
 
 
+class Cloud(Thing):
+    """Many spheres of one material."""
+
+    kind, group = cloud.Cloud, "clouds"
+
+    def __init__(
+        self,
+        name: str | None = None,
+        *,
+        center: Any = None,
+        radius: Any = None,
+        spheres: Any = None,
+        material: Material | str,
+    ) -> None:
+        """Describe a cloud.
+
+        Args:
+            name: unique among clouds; without one it is "cloud0", "cloud1" and so on.
+            center: points, of shape (N, 3).
+            radius: numbers > 0, of shape (N,), or one for all.
+            spheres: both side by side, of shape (N, 4), in place of center and radius.
+            material: itself, or its name.
+
+        Raises:
+            SceneError: a value that a file may not have, or arrays that do not fit each other.
+
+        Example:
+            >>> beads = whitted.Cloud(center=numpy.random.rand(500, 3), radius=0.02, material=glass)
+        """
+        given = {} if name is None else {"name": name}
+        if spheres is None:
+            spheres = self._joined(name, center, radius)
+        elif center is not None or radius is not None:
+            raise SceneError(f"{self._where(name)}: give spheres, or center and radius, not all")
+        try:
+            rows = rows_of(_array_of(spheres))
+        except ValueError as error:
+            raise SceneError(f"{self._where(name)}.spheres: {error}") from None
+        self._fill({**given, "spheres": rows, "material": material})
+
+    @property
+    def center(self) -> np.ndarray:
+        """The centers, of shape (N, 3)."""
+        return self.spheres.numbers[:, :3]
+
+    @property
+    def radius(self) -> np.ndarray:
+        """The radii, of shape (N,)."""
+        return self.spheres.numbers[:, 3]
+
+    def _joined(self, name: object, center: Any, radius: Any) -> Any:
+        """Centers and radii side by side."""
+        parts = _array_of(center), _array_of(radius)
+        expected = "numbers of shape (N, 3)", "as many numbers > 0, or one for all"
+        legal = (
+            parts[0].ndim == 2 and parts[0].shape[1] == 3 and parts[0].dtype.kind in "fiu",
+            parts[1].ndim < 2 and parts[1].size in (1, len(parts[0])) and parts[1].dtype.kind in "fiu",
+        )
+        told = [
+            f"{self._where(name)}.{field}: expected {words}, got shape {part.shape}"
+            for field, words, part, fine in zip(
+                ("center", "radius"), expected, parts, legal, strict=True
+            )
+            if not fine
+        ]
+        if told:
+            raise SceneError("\n".join(told[:1]))
+        return np.column_stack([parts[0], np.broadcast_to(parts[1].ravel(), len(parts[0]))])
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.name))
+
+
+def _array_of(value: Any) -> np.ndarray:
+    """NumPy's array of numbers; an empty one of objects where they are none."""
+    if isinstance(value, Rows):
+        return value.numbers
+    if value is not None and dr.is_array_v(value):
+        own = dr.detach(value).numpy()
+        return own.T if dr.depth_v(value) == 2 and not dr.is_tensor_v(value) else own
+    try:
+        own = np.asarray(value)
+    except ValueError:
+        return np.empty(0, object)
+    # Without spheres a list of rows has one axis
+    return np.empty((0, 4)) if own.shape == (0,) else own
+
+
 class PointLight(Thing):
     """A light at a point."""
 
@@ -339,5 +431,5 @@ class Camera(Thing):
         """
 
 
-SHAPES = (Sphere, Plane, Disc)
+SHAPES = (Sphere, Plane, Disc, Cloud)
 LIGHTS = (PointLight, DirectionalLight)

@@ -5,7 +5,7 @@ from typing import Any
 
 from .blocks import tomllib
 from .dictionary import dictionary_of, without_default_names
-from .editing import with_board_in_line
+from .editing import as_written
 from .schema import SceneError
 
 # Of the order of bytes, with which some editors begin a file
@@ -39,6 +39,7 @@ def text_of(scene: Any) -> str:
 
     tables = without_default_names(dictionary_of(scene))
     if "materials" in tables:
-        materials = tables["materials"].items()
-        tables["materials"] = {name: with_board_in_line(own) for name, own in materials}
+        tables["materials"] = {name: as_written(own) for name, own in tables["materials"].items()}
+    if "clouds" in tables:
+        tables["clouds"] = [as_written(own) for own in tables["clouds"]]
     return tomlkit.dumps(tables)

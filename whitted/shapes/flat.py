@@ -44,7 +44,7 @@ class FlatShape(Shape):
         """Infinite or NaN along the plane: comparisons with it are false."""
         return self._meeting(ray.o, ray.d)
 
-    def blocks(self, ray: ShadowRay, on: Array, ends_on: bool = False) -> Array:
+    def blocks(self, ray: ShadowRay, on: Array, ends_on: Array | bool = False) -> Array:
         """The ends of the segment lie strictly on the two sides of the plane."""
         if ends_on:
             return type(on)(False)

@@ -10,6 +10,15 @@ from .shape import Shape
 
 
 @dataclass(frozen=True)
+class PlacesOfMany:
+    """The same of the spheres in a tree, of which each has a bit for the eye and for each light."""
+
+    compensated: bool  # some need sums that keep their rounding errors
+    under_eye: bool  # the eye is exactly on some
+    under_lights: tuple[int, ...]  # the lights that are exactly on some
+
+
+@dataclass(frozen=True)
 class Places:
     """Facts about where primitives are; they are named by their numbers in the scene."""
 
@@ -21,6 +30,8 @@ class Places:
     under_eye: frozenset[int]
     # For each light, those that it is exactly on
     under_lights: tuple[frozenset[int], ...]
+    # None without a tree of spheres
+    many: PlacesOfMany | None = None
 
 
 def places_of(

@@ -30,6 +30,25 @@ class Hit:
     inside: Array  # Bool: the ray travelled in the primitive that it hit
 
 
+def nearer(
+    hit: Hit, number: Array, shape: Shape, met: tuple[Array, Array, Array], ordered: bool = True
+) -> Hit:
+    """A hit, or where a ray meets a primitive if that is nearer.
+
+    Args:
+        met: what the primitive's `distance` has found.
+        ordered: primitives come in the order of their numbers, so that the first one stays.
+    """
+    distance, meets, within = met
+    closer = distance < hit.t
+    if not ordered:
+        closer |= (distance == hit.t) & (number < hit.index)
+    closer &= meets
+    inside = dr.select(closer, within, hit.inside) if shape.closed else hit.inside & ~closer
+    t, index = dr.select(closer, distance, hit.t), dr.select(closer, number, hit.index)
+    return Hit(t, index, inside)
+
+
 @dataclass
 class Medium:
     """What fills space around a point: the smallest transparent primitive that contains it."""
@@ -81,17 +100,10 @@ class ShapeSet:
         on = ray.source == number
         near, known = shape.approach(ray, on)
 
-        def search(t, index, inside):
-            distance, meets, within = shape.distance(ray, on, *known)
-            nearer = meets & (distance < t)
-            t, index = dr.select(nearer, distance, t), dr.select(nearer, number, index)
-            inside = dr.select(nearer, within, inside) if self.kind.closed else inside & ~nearer
-            return t, index, inside
+        def search(hit: Hit) -> Hit:
+            return nearer(hit, number, shape, shape.distance(ray, on, *known))
 
-        state = hit.t, hit.index, hit.inside
-        if near is None:
-            return Hit(*search(*state))
-        return Hit(*dr.if_stmt(state, near, search, lambda *state: state))
+        return search(hit) if near is None else dr.if_stmt((hit,), near, search, lambda hit: hit)
 
     def blocked(self, ray: ShadowRay, materials: Collection[str]) -> Array:
         """Bool: some primitive of these materials crosses the segment to a light."""
@@ -109,7 +121,7 @@ class ShapeSet:
         """
         for number, material, crosses in self._crossed(ray, passes):
             light = light * dr.select(crosses, passes[material], 1)
-            veil = veil ^ dr.select(crosses, type(veil)(_scattered(number)), 0)
+            veil = veil ^ dr.select(crosses, type(veil)(scattered(number)), 0)
         return light, veil
 
     def flipped(
@@ -212,7 +224,7 @@ def _blank(entry: Parameter, color: Any) -> Array:
     return kind(1 if entry.legal is POSITIVE else 0)
 
 
-def _scattered(number: int) -> int:
+def scattered(number: Any) -> Any:
     """A hash of a number (D. Knuth's multiplier)."""
     return (number + 1) * 0x9E3779B1 & 0xFFFFFFFF
 

@@ -72,12 +72,12 @@ class Shape(ABC):
         """
 
     @abstractmethod
-    def blocks(self, ray: ShadowRay, on: Array, ends_on: bool = False) -> Array:
+    def blocks(self, ray: ShadowRay, on: Array, ends_on: Array | bool = False) -> Array:
         """Bool: the shape crosses the open segment from a surface to a light.
 
         Args:
             on: Bool, the surface is that of this very shape.
-            ends_on: the light is exactly on this very shape.
+            ends_on: the light is exactly on this very shape; Bool for one primitive a lane.
         """
 
     def side(self, ray: ShadowRay) -> Array:

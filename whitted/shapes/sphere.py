@@ -80,7 +80,7 @@ class Sphere(Shape):
         half = dr.sqrt(dr.select(discriminant > 0, discriminant, 0))
         return dr.select(on, 2 * b, dr.select(inside, b + half, b - half))
 
-    def blocks(self, ray: ShadowRay, on: Array, ends_on: bool = False) -> Array:
+    def blocks(self, ray: ShadowRay, on: Array, ends_on: Array | bool = False) -> Array:
         """One end of the segment is in the sphere and the other is not; or both are outside, and
         the line's point nearest to the center lies between them and in the sphere.
 
@@ -88,8 +88,10 @@ class Sphere(Shape):
         """
         b, discriminant = self._chord(ray.o, ray.d)
         starts_in = dr.select(on, ray.inward, self.level(self.side(ray)) < 0)
-        outside = ray.end is None or ends_on
+        outside = ray.end is None or ends_on is True
         ends_in = dr.mask_t(b)(False) if outside else self.level(ray.end) < 0
+        if ends_on is not False and not outside:
+            ends_in &= ~ends_on
         leaves = (starts_in ^ ends_in) & ~(on & ~ray.inward)
         between = (discriminant > 0) & (b > 0) & (b < ray.distance)
         return leaves | (~on & ~starts_in & ~ends_in & between)

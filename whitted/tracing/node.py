@@ -1,6 +1,7 @@
 """A node of the tree of rays: a ray that arrives at a surface, and what leaves from there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import drjit as dr
 
@@ -33,6 +34,9 @@ SOURCE, INWARD, DEPTH = 0xFFFF, 1 << 16, 22
 ON, BELOW, FIRST, BOTH, MOVES = (1 << bit for bit in range(17, 22))
 
 
+Own = TypeVar("Own", bound="Link")
+
+
 @dataclass
 class Link:
     """What is known of a ray besides its line, packed into one integer.
@@ -42,11 +46,10 @@ class Link:
 
     word: Array  # UInt32
 
-    @staticmethod
-    def of(source: Array, inward: Array, depth: Array | int = 0) -> "Link":
+    @classmethod
+    def of(cls, source: Array, inward: Array, depth: Array | int = 0) -> "Link":
         """The link of a ray that starts on a primitive, and arrives at a node of some depth."""
-        uint = dr.uint32_array_t(inward)
-        return Link(source | dr.select(inward, uint(INWARD), 0) | (uint(depth) << DEPTH))
+        return cls(source | _word(inward, depth))
 
     @property
     def source(self) -> Array:
@@ -64,9 +67,33 @@ class Link:
         """Bool: the link has a mark."""
         return (self.word & mark) != 0
 
-    def marked(self, mark: int, where: Array) -> "Link":
+    def copy(self: Own) -> Own:
+        """The same in arrays of its own."""
+        return type(self)(*(part + 0 for part in vars(self).values()))
+
+    def marked(self: Own, mark: int, where: Array) -> Own:
         """The link with a mark in some lanes."""
-        return Link(self.word | dr.select(where, type(self.word)(mark), 0))
+        return replace(self, word=self.word | dr.select(where, type(self.word)(mark), 0))
+
+
+@dataclass
+class WideLink(Link):
+    """The same where primitives have numbers that take a word of their own."""
+
+    number: Array  # UInt32
+
+    @classmethod
+    def of(cls, source: Array, inward: Array, depth: Array | int = 0) -> "Link":
+        return cls(_word(inward, depth), source)
+
+    @property
+    def source(self) -> Array:
+        return self.number
+
+
+def _word(inward: Array, depth: Array | int) -> Array:
+    uint = dr.uint32_array_t(inward)
+    return dr.select(inward, uint(INWARD), 0) | (uint(depth) << DEPTH)
 
 
 @dataclass
@@ -79,12 +106,14 @@ class Node:
     link: Link
 
     @staticmethod
-    def first(ray: Ray) -> "Node":
+    def first(scene: Scene, ray: Ray) -> "Node":
         """The first node of a wavefront of rays, as wide as that."""
         width = dr.width(ray)
         nothing = dr.zeros(type(ray.o), width)
         weight, depth = dr.ones(dr.value_t(ray.o), width), dr.ones(type(ray.source), width)
-        link = Link.of(ray.source, ray.inward, depth)
+        kind = Link if scene.many is None else WideLink
+        source = ray.source + dr.zeros(type(ray.source), width)
+        link = kind.of(source, ray.inward, depth)
         return Node(ray.o + nothing, ray.d + nothing, weight, link)
 
     @property
@@ -112,7 +141,7 @@ class Visit:
 
     def child(self, branch: Branch) -> Node:
         """The node that a branch leads to."""
-        link = Link.of(self.at.hit.index, branch.inward, self.node.depth + 1)
+        link = self.node.link.of(self.at.hit.index, branch.inward, self.node.depth + 1)
         return Node(self.at.p, branch.direction, self.node.weight * branch.weight, link)
 
     @property

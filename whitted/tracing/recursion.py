@@ -47,7 +47,7 @@ def radiance(scene: Scene, ray: Ray, limits: Limits) -> Array:
         return light, seen.children, seen.traced
 
     dark = dr.zeros(type(ray.o), dr.width(ray))
-    return walk(scene, limits, Node.first(ray), dark, step, "radiance")
+    return walk(scene, limits, Node.first(scene, ray), dark, step, "radiance")
 
 
 def walk(scene: Scene, limits: Limits, root: Any, state: State, step: Step, label: str) -> State:

@@ -1,6 +1,6 @@
 """What keeps a light away from a surface."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 
@@ -33,8 +33,20 @@ class Incident:
         return self.blocked | (dr.detach(self.transmitted) == 0)
 
 
-def incident(scene: Scene, at: Surface, number: int) -> Incident:
-    """Where a light of this number is as seen from a surface, and what is in between."""
+def incident(scene: Scene, at: Surface, number: int, all_sides: bool = False) -> Incident:
+    """Where a light of this number is as seen from a surface, and what is in between.
+
+    Args:
+        all_sides: whether what is in between matters on the side that is turned away, too.
+    """
+    for known in ((number, True), (number, all_sides)):
+        if known in at.lights:
+            return at.lights[known]
+    seen = at.lights[number, all_sides] = _incident(scene, at, number, all_sides)
+    return seen
+
+
+def _incident(scene: Scene, at: Surface, number: int, all_sides: bool) -> Incident:
     toward = scene.lights[number].toward(at.p)
     cosine = dr.dot(at.n, toward.direction)
     ends_on = scene.features.places.under_lights[number]
@@ -42,12 +54,13 @@ def incident(scene: Scene, at: Surface, number: int) -> Incident:
         # A flat surface that the light is on, it grazes: rounding would tell which side it is on
         along = at.shape.whether(lambda kind: kind.flat) & (at.hit.index == primitive)
         cosine = dr.select(along, 0, cosine)
-    ray = shadow_ray(scene, at, toward, ends_on)
+    wanted = at.hits if all_sides else at.hits & (dr.detach(cosine) > 0)
+    ray = shadow_ray(scene, at, toward, wanted, number)
     sets = dr.detach(scene).sets
     blocked = dr.mask_t(cosine)(False)
     full = shadowing(scene, "full")
     for primitives in sets:
-        blocked |= primitives.blocked(ray, full)
+        blocked |= primitives.blocked(replace(ray, wanted=ray.wanted & ~blocked), full)
     passes = {m.name: 1 - m.shadow for m in scene.used if shadow(scene, m) == "part"}
     if not passes:
         return Incident(toward, cosine, ray, blocked, None, None)
@@ -63,9 +76,10 @@ def shadowing(scene: Scene, *how: str) -> list[str]:
     return [material.name for material in scene.used if shadow(scene, material) in how]
 
 
-def shadow_ray(scene: Scene, at: Surface, toward: Toward, ends_on: frozenset[int]) -> ShadowRay:
+def shadow_ray(scene: Scene, at: Surface, toward: Toward, wanted: Array, light: int) -> ShadowRay:
     """The segment from a surface to a light, detached."""
     p, toward, eye = dr.detach(at.p), dr.detach(toward), dr.detach(scene.camera.position)
     segment = p, toward.direction, toward.distance, toward.end
     clear = frozenset(m.name for m in scene.used if may(scene, m, "refraction"))
-    return ShadowRay(*segment, at.hit.index, at.hit.inside, ends_on, eye, clear)
+    ends_on = scene.features.places.under_lights[light]
+    return ShadowRay(*segment, at.hit.index, at.hit.inside, wanted, light, ends_on, eye, clear)

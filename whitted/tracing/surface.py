@@ -1,7 +1,8 @@
 """What a ray meets: the point, the normal and the material."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import drjit as dr
 
@@ -24,6 +25,8 @@ class Surface:
     hits: Array  # Bool: there is a surface
     shape: Picked  # the primitive that it is the surface of
     of: dict[str, Array]  # material name to Bool: the surface is of this material
+    # What `shadow.incident` has found, so that it looks for it once
+    lights: dict[Any, Any] = field(default_factory=dict)
 
 
 def surface(scene: Scene, ray: Ray, hit: Hit) -> Surface:

@@ -1,0 +1,192 @@
+"""Walks through the tree of boxes around many spheres, in kernels.
+
+The nearest hit is looked for with a short stack, the nearer of two boxes first. All else follows
+the links of `hierarchy.py` from node to node, without a stack.
+
+No box is missed in which a ray meets a sphere: boxes are a few roundings larger than what they
+hold, and so is the span of a ray in a box. Source of the latter: T. Ize, "Robust BVH Ray
+Traversal", JCGT 2 (2013).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import drjit as dr
+
+from ..core.arrays import Array, precision_of
+from .hierarchy import DEPTH, END, LEAF, RECORD
+from .sphere import Sphere
+
+State = TypeVar("State")
+# From a node and what has been found so far to what is found now
+Look = Callable[["TreeNode", State], State]
+
+
+@dataclass
+class TreeNode:
+    """A node of the tree (not frozen: Dr.Jit's loops write to their state)."""
+
+    low: Array  # Array3f: the corners of its box; of a leaf, the center and the radius
+    high: Array
+    link: Array  # UInt32
+    after: Array  # UInt32: the place of the node after it
+
+    @property
+    def is_leaf(self) -> Array:
+        return (self.link & LEAF) != 0
+
+    @property
+    def number(self) -> Array:
+        """The number of a leaf's sphere."""
+        return self.link & (LEAF - 1)
+
+    @property
+    def sphere(self) -> Sphere:
+        """The sphere of a leaf."""
+        return Sphere("", "", self.low, -self.high.x)
+
+    def holds(self, p: Array) -> Array:
+        """Bool: a point is in the box."""
+        return dr.all((p >= self.low) & (p <= self.high))
+
+
+@dataclass
+class Line:
+    """A line, made ready for boxes."""
+
+    o: Array
+    inverse: Array  # of each component of the direction
+
+    @staticmethod
+    def of(o: Array, d: Array) -> "Line":
+        return Line(o, 1 / d)
+
+    def enters(self, node: TreeNode, t: Array) -> tuple[Array, Array]:
+        """Where it enters a node's box, and Bool: it is there before the distance t."""
+        one, two = (node.low - self.o) * self.inverse, (node.high - self.o) * self.inverse
+        # A line within a side of a box gives NaN there, which `fmin` and `fmax` pass over
+        near, far = dr.max(dr.fmin(one, two)), dr.min(dr.fmax(one, two))
+        return near, _begins(near, far) & (far >= 0) & _begins(near, t)
+
+
+def _begins(near: Array, t: Array) -> Array:
+    """Bool: a distance is no larger than another one, as far as rounded numbers tell."""
+    return near <= t * (1 + 8 * precision_of(t).epsilon)
+
+
+def node_at(nodes: Array, place: Array) -> TreeNode:
+    """The node at a place."""
+    precision = precision_of(nodes)
+    row = dr.gather(precision.columns, nodes, place, shape=(RECORD, dr.width(place)))
+    bits = [_bits(row[k]) for k in (6, 7)]
+    return TreeNode(precision.vector(row[0], row[1], row[2]), -precision.vector(row[3], row[4], row[5]), *bits)
+
+
+def _bits(x: Array) -> Array:
+    """An integer that stands in the place of a number."""
+    if dr.itemsize_v(x) == 4:
+        return dr.reinterpret_array(dr.uint32_array_t(x), x)
+    return dr.uint32_array_t(x)(dr.reinterpret_array(dr.uint64_array_t(x), x))
+
+
+def walk_nodes(
+    nodes: Array,
+    state: State,
+    active: Array,
+    enters: Callable[[TreeNode, State], Array],
+    look: Look,
+    done: Callable[[State], Array] | None = None,
+) -> State:
+    """Visit all spheres whose boxes are of interest.
+
+    Args:
+        state: a structure of arrays, as wide as the wavefront.
+        active: Bool: the lanes that walk.
+        enters: Bool for a node: what is below it is of interest.
+        look: called with each leaf.
+        done: Bool: nothing more is to be found.
+    """
+
+    def step(place: Array, state: State, active: Array) -> tuple[Array, State, Array]:
+        node = node_at(nodes, place)
+        leaf = node.is_leaf
+        state = dr.if_stmt((state,), leaf, lambda state: look(node, state), lambda state: state)
+        place = dr.select(~leaf & enters(node, state), node.link, node.after)
+        active = place != END
+        return place, state, active if done is None else active & ~done(state)
+
+    uint = dr.uint32_array_t(nodes)
+    width = dr.width(state, active)
+    start: Any = dr.zeros(uint, width), state, active & dr.ones(dr.mask_t(nodes), width)
+    return dr.while_loop(start, lambda *s: s[-1], step, mode="symbolic", label="nodes")[1]
+
+
+@dataclass
+class _Open:
+    """Pairs of nodes that are still to be looked at (not frozen, like `TreeNode`)."""
+
+    size: Array
+    pairs: Array  # a local buffer: places
+    nears: Array  # a local buffer: where the ray enters their parent's box
+
+    def push(self, where: Array, pair: Array, near: Array) -> "_Open":
+        def write(stack: _Open, pair: Array, near: Array) -> tuple[_Open, Array, Array]:
+            stack.pairs.write(pair, stack.size)
+            stack.nears.write(near, stack.size)
+            return _Open(stack.size + 1, stack.pairs, stack.nears), pair, near
+
+        return dr.if_stmt((self, pair, near), where, write, lambda *same: same)[0]
+
+    def pop(self, where: Array, pair: Array, t: Array) -> tuple["_Open", Array, Array]:
+        """The newest pair that begins before a distance, and Bool: there is one.
+
+        Lanes that pop nothing keep their pair.
+        """
+
+        def take(stack: _Open, pair: Array, found: Array) -> tuple[_Open, Array, Array]:
+            top = stack.size - 1
+            rest, near = _Open(top, stack.pairs, stack.nears), stack.nears.read(top)
+            return rest, stack.pairs.read(top), _begins(near, t)
+
+        def goes_on(stack: _Open, pair: Array, found: Array) -> Array:
+            return ~found & (stack.size > 0)
+
+        state = self, pair, ~where
+        return dr.while_loop(state, goes_on, take, mode="symbolic", label="pop")
+
+
+def nearest(
+    nodes: Array,
+    line: Line,
+    state: State,
+    distance: Callable[[State], Array],
+    look: Look,
+) -> State:
+    """Visit the nodes that may have the nearest hit of a ray.
+
+    Args:
+        state: a structure of arrays, as wide as the wavefront.
+        distance: of a state: that of the nearest hit so far.
+        look: called with each node; it looks at leaves.
+    """
+
+    def step(
+        state: State, pair: Array, stack: _Open, active: Array
+    ) -> tuple[State, Array, _Open, Array]:
+        one, two = node_at(nodes, pair), node_at(nodes, pair + 1)
+        state = look(two, look(one, state))
+        t = distance(state)
+        (near, first), (far, second) = line.enters(one, t), line.enters(two, t)
+        first, second = first & ~one.is_leaf, second & ~two.is_leaf
+        swap = second & ~(first & (near <= far))
+        link, other = dr.select(swap, two.link, one.link), dr.select(swap, one.link, two.link)
+        stack = stack.push(first & second, other, dr.select(swap, near, far))
+        stack, pair, active = stack.pop(~first & ~second, link, t)
+        return state, pair, stack, active
+
+    uint, width = dr.uint32_array_t(nodes), dr.width(line)
+    buffers = dr.alloc_local(uint, DEPTH), dr.alloc_local(type(nodes), DEPTH)
+    stack = _Open(dr.zeros(uint, width), *buffers)
+    start: Any = state, dr.zeros(uint, width), stack, dr.ones(dr.mask_t(nodes), width)
+    return dr.while_loop(start, lambda *s: s[-1], step, mode="symbolic", label="nearest")[0]
