@@ -13,6 +13,7 @@ import drjit as dr
 
 from ..core.arrays import Array, Parameters
 from ..core.ray import Ray
+from ..core.stack import Stack
 from ..scene.features import branches_out, reflects
 from ..scene.scene import Scene
 from ..shapes.sets import Hit
@@ -20,7 +21,6 @@ from ..tracing.intersect import closest_hit
 from ..tracing.node import BOTH, FIRST, MOVES, Limits, Node, Visit, visit
 from ..tracing.scatter import Branch, scatter
 from ..tracing.shading import emitted
-from ..tracing.stack import Stack
 from ..tracing.surface import surface
 from .changed import Changed, changed
 from .propagate import pull_back

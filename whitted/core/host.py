@@ -58,7 +58,7 @@ def to_numpy(value: Any) -> Any:
 
 
 def to_numbers(value: Array) -> list[Any] | np.ndarray:
-    """The numbers of an array: a list, or NumPy's array of several; of a vector, a list of those."""
+    """The numbers of an array: a list, or NumPy's array if it is wide; of a vector, three."""
     if dr.depth_v(value) == 1:
         value = dr.detach(value)
         return list(value) if dr.width(value) == 1 else value.numpy().copy()

@@ -32,13 +32,14 @@ def coarse_blocks(band: Band, pixels: np.ndarray) -> list["Block"]:
     """Begin to trace the pixels where edges crowd, with half as many samples along a side as the
     image has there, but at least `settings.COARSE_SIDE`.
     """
-    return _blocks(band, pixels, max(crowd_side(band.side) // 2, settings.COARSE_SIDE))
+    side = crowd_side(band.side, band.structure.few_alike)
+    return _blocks(band, pixels, min(max(side // 2, settings.COARSE_SIDE), side))
 
 
 def with_finer(coarse: list["Block"]) -> Iterator["Block"]:
     """The blocks with those that are busy taken out, and sampled as finely as the image is."""
     for block in coarse:
-        side, finer = crowd_side(block.band.side), []
+        side, finer = crowd_side(block.band.side, block.band.structure.few_alike), []
         block.find_pairs()
         if block.side < side:
             finer = _blocks(block.band, block.drop_busy(), side)
@@ -115,9 +116,12 @@ class Block:
         """The places of neighbours, those across the same edge together."""
         a, b, _ = self.pairs
         label = self.label.numpy()
-        order = np.argsort(walk_order(label.take(a)) + walk_order(label.take(b)), kind="stable")
+        order = np.argsort(self._order(label.take(a)) + self._order(label.take(b)), kind="stable")
         for part in chunks(len(a), settings.LANES):
             yield a.take(order[part]), b.take(order[part])
+
+    def _order(self, labels: np.ndarray) -> np.ndarray:
+        return walk_order(labels, self.band.structure.few_alike)
 
     def _parts(self) -> tuple[np.ndarray, Array]:
         """The places of the interior term's samples, and how well they stand for their cells."""
@@ -170,6 +174,6 @@ class Block:
         """
         weight = np.maximum(1 - taken.take(place), 0) * part.numpy()[: len(place)]
         weight /= -(-(self.side**2) // 2)
-        order = walk_order(self.label.numpy().take(place))
+        order = self._order(self.label.numpy().take(place))
         x, y, pixel = self.x.take(place), self.y.take(place), self.pixel.take(place)
         return Extra(x, y, pixel, weight, order)

@@ -109,7 +109,7 @@ class Found:
 def _inside(fine: Samples, weight: np.ndarray) -> Extra:
     """The finer samples inside of pixels, as far as edges leave them."""
     inside = np.flatnonzero((fine.pixel >= 0) & (weight != 0))
-    order = walk_order(fine.labels.ravel())
+    order = walk_order(fine.labels.ravel(), fine.few_alike)
     columns = fine.x, fine.y, fine.pixel, weight / fine.side**2
     return rows_of(Extra(*columns, order), inside)
 

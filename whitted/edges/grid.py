@@ -29,15 +29,17 @@ class Samples:
     side: int  # samples along a pixel's side
     first: int  # number of the first sample
     top: int  # to be added to y
+    few_alike: bool = False  # few trees of rays are equal
 
     def counted(self, place: np.ndarray) -> np.ndarray:
         """The places of the samples that stand for those at some places."""
         return place if self.twin is None else self.twin.take(place)
 
 
-def band_samples(labels: np.ndarray, side: int, first_row: int) -> Samples:
+def band_samples(labels: np.ndarray, side: int, first_row: int, few_alike: bool = False) -> Samples:
     """The samples of a band with a margin of one pixel, row by row."""
-    return Samples(labels[None], *_band_grid(labels.shape, side), None, side, 0, first_row)
+    grid = _band_grid(labels.shape, side)
+    return Samples(labels[None], *grid, None, side, 0, first_row, few_alike)
 
 
 @lru_cache(maxsize=2)

@@ -62,7 +62,7 @@ class Crossings:
 def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray) -> Pairs:
     """Neighbours with different labels, those across the same edge together."""
     label = samples.labels.ravel().take(np.stack([a, b]))
-    walks = walk_order(label)
+    walks = walk_order(label, samples.few_alike)
     order = np.argsort(walks[0] + walks[1], kind="stable")
     a, b = a.take(order), b.take(order)
     return Pairs(
@@ -77,12 +77,16 @@ def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray) -
     )
 
 
-def walk_order(labels: np.ndarray) -> np.ndarray:
+def walk_order(labels: np.ndarray, few_alike: bool) -> np.ndarray:
     """An order that puts equal trees of rays together.
 
     It has sixteen bits, which NumPy sorts in linear time.
+
+    Args:
+        few_alike: few of the trees are equal, as among many spheres. Then all keep their places:
+            what is side by side comes near the same spheres.
     """
-    return labels.astype(np.uint16)
+    return np.zeros(labels.shape, np.uint16) if few_alike else labels.astype(np.uint16)
 
 
 def interleaved(order: np.ndarray) -> np.ndarray:

@@ -132,7 +132,9 @@ def dim_light(scene: Scene, ray: Ray, limits: Limits, least: Array) -> Array:
         light = dr.fma(weight, emitted(scene, node.ray, seen.at), light)
         return light, seen.children, seen.traced
 
-    return walk(scene, limits, Node.first(scene, ray), dr.zeros(type(ray.o), dr.width(ray)), step, "dim")
+    return walk(
+        scene, limits, Node.first(scene, ray), dr.zeros(type(ray.o), dr.width(ray)), step, "dim"
+    )
 
 
 @dataclass

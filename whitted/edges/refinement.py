@@ -30,9 +30,18 @@ def finer_side(side: int) -> int:
     return side * (4 if side <= 4 else 2)
 
 
-def crowd_side(side: int) -> int:
-    """Samples along the side of a pixel where edges crowd."""
-    return {1: 4, 2: 10, 3: 12}.get(side, 4 * side)
+def crowd_side(side: int, few_alike: bool = False) -> int:
+    """Samples along the side of a pixel where edges crowd.
+
+    Where few trees of rays are equal, as among many spheres, nearly all pixels are crowds. Then
+    four times the samples are what they can cost.
+    """
+    return 2 * side if few_alike else {1: 4, 2: 10, 3: 12}.get(side, 4 * side)
+
+
+def searches_crowds(band: Band) -> bool:
+    """Whether derivatives have crowds searched for their edges, like other pixels."""
+    return band.side >= settings.SEARCHED_SIDE and not band.structure.few_alike
 
 
 def crowd_means(band: Band, pixels: np.ndarray) -> Callable[[], np.ndarray]:
@@ -47,7 +56,7 @@ def crowd_means(band: Band, pixels: np.ndarray) -> Callable[[], np.ndarray]:
     Returns:
         A function that waits for the pixels' radiance: (N, 3).
     """
-    traced = [(crowd_side(band.side), False)]
+    traced = [(crowd_side(band.side, band.structure.few_alike), False)]
     if band.structure.reflects:
         traced.append((band.side, True))
     rows = [(side, list(_rows(band, pixels, side, dim))) for side, dim in traced]
@@ -87,7 +96,7 @@ def pixels_to_refine(samples: Samples, ends: np.ndarray) -> tuple[np.ndarray, np
     pixels = candidates(ends, samples.side)
     count = label_counts(samples, pixels)
     most = settings.MEETING[samples.side > 1]
-    if samples.side >= settings.ALL_SEARCHED_SIDE:
+    if samples.side >= settings.ALL_SEARCHED_SIDE and not samples.few_alike:
         most = samples.labels.size
     return pixels[(count > 2) & (count <= most)], pixels[count > most]
 

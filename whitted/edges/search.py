@@ -21,7 +21,7 @@ from .grid import (
 )
 from .locate import Crossing, Segment
 from .pairs import Crossings, Moves, Pairs, interleaved, pairs_of
-from .refinement import crowd_means, crowd_side, finer_side, pixels_to_refine
+from .refinement import crowd_means, crowd_side, finer_side, pixels_to_refine, searches_crowds
 from .tables import concatenated, deposit, rows_of
 
 # Called with the fraction done
@@ -39,10 +39,11 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
     flat, labels = kernels.labelled_image(*inputs)
     image, side, width = flat.numpy(), band.side, band.resolution[0]
     grid = labels.numpy().reshape((band.rows + 2) * side, -1)
-    samples = band_samples(grid, side, band.first_row)
+    few_alike = band.structure.few_alike
+    samples = band_samples(grid, side, band.first_row, few_alike)
     neighbours = neighbours_across_edges(samples)
     anew = pixels_to_refine(samples, neighbours[-1])
-    searched = keep and side >= settings.SEARCHED_SIDE
+    searched = keep and searches_crowds(band)
     parts = list(_parts(band, neighbours[-1], *anew, searched))
     found = []
     for done, (first, rows) in enumerate(parts, 1):
@@ -50,7 +51,7 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
         if len(parts) > 1:
             part = replace(band, first_row=band.first_row + first, rows=rows)
             own = grid[first * side : (first + rows + 2) * side]
-            samples = band_samples(own, side, part.first_row)
+            samples = band_samples(own, side, part.first_row, few_alike)
             neighbours = neighbours_across_edges(samples)
         start, stop = first * width, (first + rows) * width
         meet, crowd = (some[slice(*np.searchsorted(some, (start, stop)))] - start for some in anew)
@@ -84,7 +85,7 @@ def _parts(
         searched: crowds are searched as well.
     """
     finer, width = finer_side(band.side) ** 2, band.resolution[0]
-    dense = finer if searched else crowd_side(band.side) ** 2 // 16
+    dense = finer if searched else crowd_side(band.side, band.structure.few_alike) ** 2 // 16
     if ends.shape[1] + finer * refined.size + dense * crowded.size <= settings.SEARCHED:
         yield 0, band.rows
         return
@@ -175,7 +176,10 @@ class _Search:
         inside = color.take(samples_inside(shape), 0)
         self.image.reshape(-1, 3)[self.refined] = inside.mean(0)
         self.fine_range = np.stack([inside.min(0).T, inside.max(0).T])
-        self.fine = replace(fine, labels=label, first=self.samples.labels.size)
+        samples = self.samples
+        self.fine = replace(
+            fine, labels=label, first=samples.labels.size, few_alike=samples.few_alike
+        )
         return self.fine
 
     def cross(self, pairs: Pairs) -> None:
@@ -255,8 +259,7 @@ def _rounds(
 
     pair = interleaved(np.arange(len(pairs)))
     start, stop, ends = np.zeros(len(pair)), pairs.length.take(pair), pairs.label.take(pair, 1)
-    searched = band.side >= settings.SEARCHED_SIDE
-    rounds = settings.ROUNDS if searched else settings.ROUNDS_WITHOUT_CROWDS
+    rounds = settings.ROUNDS if searches_crowds(band) else settings.ROUNDS_WITHOUT_CROWDS
     following = search(pair, start, stop, *ends) if len(pair) else None
     for left_over in reversed(range(rounds)):
         if following is None:

@@ -30,7 +30,7 @@ def filed(scene: Any, path: Path) -> tuple[Cloud, ...]:
 
 
 def _filed(scene: Any, place: int, path: Path) -> Cloud:
-    cloud = scene.clouds[place]
+    cloud: Cloud = scene.clouds[place]
     parts = [scene.numbers[f"clouds.{cloud.name}.{field}"] for field in ("center", "radius")]
     numbers = np.column_stack(parts)
     if _still_says(scene, cloud.file, path, numbers):

@@ -20,7 +20,16 @@ from ..shapes.sets import sets_of
 from .camera import Camera
 from .cloud import Cloud
 from .features import Features, features_of
-from .many import SPECIAL, SPHERES, Many, Source, attached_spheres, many_of, sources_of, places_of_many
+from .many import (
+    SPECIAL,
+    SPHERES,
+    Many,
+    Source,
+    attached_spheres,
+    many_of,
+    places_of_many,
+    sources_of,
+)
 from .material import Material
 from .parameters import Location, locations_in, numbers_of, with_values
 from .structure import UP, Structure

@@ -76,7 +76,10 @@ def dictionary_of(scene: Any, whole: bool = False) -> dict[str, Any]:
 
 def with_rows(tables: Mapping[str, Any]) -> dict[str, Any]:
     """The same tables with Python's numbers for the spheres of clouds."""
-    clouds = [own | {"spheres": Rows(own["spheres"].numbers).written()} for own in tables.get("clouds", ())]
+    clouds = [
+        own | {"spheres": Rows(own["spheres"].numbers).written()}
+        for own in tables.get("clouds", ())
+    ]
     return {**tables, **({"clouds": clouds} if clouds else {})}
 
 

@@ -212,7 +212,7 @@ def _edit(document: Any, old: Tables, new: Tables) -> None:
 
 
 def as_written(own: Tables) -> Tables:
-    """A thing's table as a file has it: a checkerboard takes one line, and a cloud may be a file."""
+    """A thing's table as a file has it: a checkerboard in one line, a cloud perhaps as a file."""
     own = {key: value.written() if isinstance(value, Rows) else value for key, value in own.items()}
     return own | {"checker": _in_line(own["checker"])} if "checker" in own else own
 

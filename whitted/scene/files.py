@@ -38,12 +38,12 @@ def load_scene(path: str | Path, precision: str = "single") -> Scene:
         raise SceneError(
             f"{path}: not a text file in UTF-8: byte {error.start} is not valid"
         ) from None
-    about = {"prefix": f"{path}: ", "text": text, "folder": str(path.parent)}
-    return Scene._read(tables_in(text, str(path)), precision, **about)
+    tables, folder = tables_in(text, str(path)), str(path.parent)
+    return Scene._read(tables, precision, prefix=f"{path}: ", text=text, folder=folder)
 
 
 def parse_scene(text: str, precision: str = "single") -> Scene:
-    """Make a scene of the text of a scene file; files that it names are looked for where Python runs.
+    """Make a scene of the text of a scene file; files that it names are in the current folder.
 
     Raises:
         SceneError: it is not a valid scene; the message has a line for each problem.

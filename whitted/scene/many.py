@@ -188,4 +188,3 @@ def attached_spheres(scene: "Contents", spheres: Array) -> Array:
                 place = dr.arange(dr.uint32_array_t(real), source.count) + source.first
                 dr.scatter(moving, part, 4 * place + k)
     return spheres if moving is None else dr.replace_grad(spheres, moving)
-

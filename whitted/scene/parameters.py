@@ -184,8 +184,7 @@ def _numbers_in(value: object) -> list[float]:
 def numbers_of(
     arrays: Mapping[str, Array], locations: Mapping[str, Location]
 ) -> dict[str, Numbers]:
-    """The numbers of parameters; of clouds, NumPy's arrays. Waits for the kernels that compute them.
-    """
+    """The numbers of parameters; of clouds, arrays. Waits for the kernels that compute them."""
     known = {name: dr.detach(array) for name, array in arrays.items()}
     dr.eval(known)
     found: dict[str, Any] = {}

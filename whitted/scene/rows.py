@@ -18,7 +18,7 @@ BYTES = 400
 
 
 class Rows:
-    """The spheres of a cloud: N rows of four numbers. Two are equal if their numbers and files are."""
+    """The spheres of a cloud. Two are equal if their numbers and files are."""
 
     def __init__(self, numbers: np.ndarray, file: str = "") -> None:
         """Keep an array.
@@ -80,7 +80,9 @@ def checked_rows(numbers: np.ndarray, file: str = "") -> Rows:
     if not fits.all():
         first = int(np.flatnonzero(~fits)[0])
         told = ", ".join(f"{x:g}" for x in real[first])
-        raise ValueError(f"row {first} is [{told}]: expected finite numbers up to {LARGEST:g}, and a radius > 0")
+        raise ValueError(
+            f"row {first} is [{told}]: expected finite numbers up to {LARGEST:g}, and a radius > 0"
+        )
     return Rows(real, file)
 
 
@@ -97,7 +99,7 @@ def check_room(count: int) -> None:
 
 
 def _has_truth_values(value: Any) -> bool:
-    """Whether True or False stands among the numbers of a list, where NumPy would take it for one."""
+    """Whether True or False is among the numbers of a list. NumPy would take it for a number."""
     if isinstance(value, np.ndarray):
         return False
     return any(isinstance(x, bool) for row in value for x in (row if isinstance(row, list) else ()))
@@ -119,7 +121,7 @@ def with_files(tables: Any, folder: Path) -> tuple[Any, list[str]]:
             try:
                 cloud = {**cloud, "spheres": read_rows(folder, name)}
             except ValueError as error:
-                found.append(f"clouds[{k}].spheres = \"{name}\": {error}")
+                found.append(f'clouds[{k}].spheres = "{name}": {error}')
                 cloud = {**cloud, "spheres": Rows(np.empty((0, 4)), name)}
         filled.append(cloud)
     return {**tables, "clouds": filled}, found

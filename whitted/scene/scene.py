@@ -19,9 +19,9 @@ from . import things
 from .assemble import added, assembled, check_in_use, removed, replaced, settings_in, things_in
 from .build import checked, fields_of
 from .camera import view_problem
+from .cloud_files import filed
 from .contents import FIELDS, Contents
 from .dictionary import dictionary_of, with_rows, without_default_names
-from .cloud_files import filed
 from .editing import edited_text
 from .parameters import (
     as_parameter,

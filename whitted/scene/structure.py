@@ -29,6 +29,8 @@ class Structure:
     def __init__(self, scene: "Contents") -> None:
         self.features = scene.features
         self.reflects = reflects(scene)
+        # Few trees of rays are equal
+        self.few_alike = bool(scene.sources)
         self.precision = scene.precision
         materials = _places(scene.materials)
         changed: dict[str, Any] = {
@@ -77,8 +79,8 @@ class Structure:
         if not scene.sources:
             return None
         names = tuple(materials[name] for name in materials_of_many(scene.sources))
-        facts, any_array = self.features.places.many, scene.background
-        return ManySpheres(names, scene.sources[-1].rows.stop, facts, *(any_array,) * len(OF_MANY))
+        facts, anything = scene.marked[0], scene.background
+        return ManySpheres(names, scene.sources[-1].rows.stop, facts, *(anything,) * len(OF_MANY))
 
     def _features(self, materials: Mapping[str, str]) -> Features:
         """The features of the scene, by the names in kernels."""
@@ -98,8 +100,9 @@ def _locations_in_kernels(scene: "Contents") -> dict[str, Location]:
     for name, where in scene.locations.items():
         if where.field == "shapes":
             place = singles.get(name.removesuffix(f".{where.path[0]}"))
-            where = None if place is None else replace(where, place=place)
-        if where is not None and where.field != "clouds":
+            if place is not None:
+                places[name] = replace(where, place=place)
+        elif where.field != "clouds":
             places[name] = where
     return places
 

@@ -29,12 +29,12 @@ from .texture import Checkerboard
 
 # Most nodes on a chain of rays: the local memory of a kernel's stack grows with them
 MAX_DEPTH = 256
-# Most shapes and lights but spheres: each is code of its own, and a kernel of 1000 compiles for half
-# a minute
+# Most shapes and lights that are no spheres: each is code of its own, and a kernel of 1000 compiles
+# for half a minute
 MAX_OBJECTS = 1000
 
 # What has a name and a material
-GROUPS: dict[str, Any] = {kind.group: kind for kind in (*SHAPES, Cloud)}
+GROUPS: dict[str, Any] = {kind.group: kind for kind in SHAPES} | {Cloud.group: Cloud}
 # The type of a light's table without one
 POINT = next(iter(LIGHTS))
 
@@ -136,17 +136,16 @@ MaterialTable = _table(Material, checker=(CheckerTable | None, None))
 NamedMaterialTable = _table(Material, name=(Name, ...), checker=(CheckerTable | None, None))
 
 
-def _shape_tables(material: Any) -> dict[str, type[BaseModel]]:
+def _shape_tables(material: Any) -> dict[str, Any]:
     """The tables of what has a name and a material."""
     more: Any = {"name": OPTIONAL_NAME, "material": (material, ...)}
     spheres: Any = Annotated[Any, BeforeValidator(rows_of)], ...
-    return {
-        **{kind.group: _table(kind, **more) for kind in SHAPES},
-        Cloud.group: create_model("CloudTable", __base__=_Table, spheres=spheres, **more),
-    }
+    tables: dict[str, Any] = {kind.group: _table(kind, **more) for kind in SHAPES}
+    cloud = create_model("CloudTable", __base__=_Table, spheres=spheres, **more)
+    return tables | {Cloud.group: cloud}
 
 
-SHAPE_TABLES = _shape_tables(MaterialName)
+SHAPE_TABLES: dict[str, type[BaseModel]] = _shape_tables(MaterialName)
 # Of things by themselves, as Python makes them
 SHAPES_IN_PYTHON = _shape_tables(MaterialOrName)
 LIGHT_TABLES = {

@@ -307,12 +307,14 @@ class Cloud(Thing):
     @property
     def center(self) -> np.ndarray:
         """The centers, of shape (N, 3)."""
-        return self.spheres.numbers[:, :3]
+        center: np.ndarray = self.spheres.numbers[:, :3]
+        return center
 
     @property
     def radius(self) -> np.ndarray:
         """The radii, of shape (N,)."""
-        return self.spheres.numbers[:, 3]
+        radius: np.ndarray = self.spheres.numbers[:, 3]
+        return radius
 
     def _joined(self, name: object, center: Any, radius: Any) -> Any:
         """Centers and radii side by side."""
@@ -320,7 +322,9 @@ class Cloud(Thing):
         expected = "numbers of shape (N, 3)", "as many numbers > 0, or one for all"
         legal = (
             parts[0].ndim == 2 and parts[0].shape[1] == 3 and parts[0].dtype.kind in "fiu",
-            parts[1].ndim < 2 and parts[1].size in (1, len(parts[0])) and parts[1].dtype.kind in "fiu",
+            parts[1].ndim < 2
+            and parts[1].size in (1, len(parts[0]))
+            and parts[1].dtype.kind in "fiu",
         )
         told = [
             f"{self._where(name)}.{field}: expected {words}, got shape {part.shape}"
@@ -337,12 +341,12 @@ class Cloud(Thing):
         return hash((type(self), self.name))
 
 
-def _array_of(value: Any) -> np.ndarray:
+def _array_of(value: Any) -> Any:
     """NumPy's array of numbers; an empty one of objects where they are none."""
     if isinstance(value, Rows):
         return value.numbers
     if value is not None and dr.is_array_v(value):
-        own = dr.detach(value).numpy()
+        own: np.ndarray = dr.detach(value).numpy()
         return own.T if dr.depth_v(value) == 2 and not dr.is_tensor_v(value) else own
     try:
         own = np.asarray(value)

@@ -39,7 +39,9 @@ class Hierarchy:
     """The tree. Its nodes but the root stand in pairs, which have one parent."""
 
     members: np.ndarray  # the numbers of its spheres
-    children: np.ndarray  # (2, N - 1): below N the place of a sphere in `members`, else an inner node
+    children: (
+        np.ndarray
+    )  # (2, N - 1): below N the place of a sphere in `members`, else an inner node
     rounds: tuple[int, ...]  # the number of inner nodes after each round
     links: np.ndarray  # (2 N - 2, 2): link and node after, of each node but the root
     records: np.ndarray  # (2 N - 2, RECORD)
@@ -99,7 +101,8 @@ def _merged(own: np.ndarray) -> tuple[np.ndarray, tuple[int, ...]]:
     order = _along_curve(own[:, :3])
     low = np.ascontiguousarray((own[:, :3] - own[:, 3:])[order].T)
     high = np.ascontiguousarray((own[:, :3] + own[:, 3:])[order].T)
-    node, children, rounds, made = order, np.empty((2, n - 1), int), [], 0
+    node, children, made = order, np.empty((2, n - 1), int), 0
+    rounds: list[int] = []
     while len(node) > 1:
         first, second = _mates(low, high, DEPTH - len(rounds))
         count = len(first)

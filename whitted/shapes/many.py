@@ -133,7 +133,7 @@ class ManySpheres:
                 )
             return medium
 
-        everywhere = dr.mask_t(p)(True)
+        everywhere = dr.mask_t(p.x)(True)
         return self._walk(fills, medium, everywhere, lambda node, _: node.holds(p), contain)
 
     def materials(self, index: Array) -> dict[str, Array]:

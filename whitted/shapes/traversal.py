@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import drjit as dr
 
 from ..core.arrays import Array, precision_of
+from ..core.stack import Stack
 from .hierarchy import DEPTH, END, LEAF, RECORD
 from .sphere import Sphere
 
@@ -80,14 +81,18 @@ def node_at(nodes: Array, place: Array) -> TreeNode:
     precision = precision_of(nodes)
     row = dr.gather(precision.columns, nodes, place, shape=(RECORD, dr.width(place)))
     bits = [_bits(row[k]) for k in (6, 7)]
-    return TreeNode(precision.vector(row[0], row[1], row[2]), -precision.vector(row[3], row[4], row[5]), *bits)
+    return TreeNode(
+        precision.vector(row[0], row[1], row[2]), -precision.vector(row[3], row[4], row[5]), *bits
+    )
 
 
 def _bits(x: Array) -> Array:
     """An integer that stands in the place of a number."""
     if dr.itemsize_v(x) == 4:
-        return dr.reinterpret_array(dr.uint32_array_t(x), x)
-    return dr.uint32_array_t(x)(dr.reinterpret_array(dr.uint64_array_t(x), x))
+        single: Any = dr.uint32_array_t(x)
+        return dr.reinterpret_array(single, x)
+    double: Any = dr.uint64_array_t(x)
+    return dr.uint32_array_t(x)(dr.reinterpret_array(double, x))
 
 
 def walk_nodes(
@@ -122,40 +127,6 @@ def walk_nodes(
     return dr.while_loop(start, lambda *s: s[-1], step, mode="symbolic", label="nodes")[1]
 
 
-@dataclass
-class _Open:
-    """Pairs of nodes that are still to be looked at (not frozen, like `TreeNode`)."""
-
-    size: Array
-    pairs: Array  # a local buffer: places
-    nears: Array  # a local buffer: where the ray enters their parent's box
-
-    def push(self, where: Array, pair: Array, near: Array) -> "_Open":
-        def write(stack: _Open, pair: Array, near: Array) -> tuple[_Open, Array, Array]:
-            stack.pairs.write(pair, stack.size)
-            stack.nears.write(near, stack.size)
-            return _Open(stack.size + 1, stack.pairs, stack.nears), pair, near
-
-        return dr.if_stmt((self, pair, near), where, write, lambda *same: same)[0]
-
-    def pop(self, where: Array, pair: Array, t: Array) -> tuple["_Open", Array, Array]:
-        """The newest pair that begins before a distance, and Bool: there is one.
-
-        Lanes that pop nothing keep their pair.
-        """
-
-        def take(stack: _Open, pair: Array, found: Array) -> tuple[_Open, Array, Array]:
-            top = stack.size - 1
-            rest, near = _Open(top, stack.pairs, stack.nears), stack.nears.read(top)
-            return rest, stack.pairs.read(top), _begins(near, t)
-
-        def goes_on(stack: _Open, pair: Array, found: Array) -> Array:
-            return ~found & (stack.size > 0)
-
-        state = self, pair, ~where
-        return dr.while_loop(state, goes_on, take, mode="symbolic", label="pop")
-
-
 def nearest(
     nodes: Array,
     line: Line,
@@ -171,9 +142,7 @@ def nearest(
         look: called with each node; it looks at leaves.
     """
 
-    def step(
-        state: State, pair: Array, stack: _Open, active: Array
-    ) -> tuple[State, Array, _Open, Array]:
+    def step(state: State, pair: Array, stack: Stack, _: Array) -> tuple[Any, ...]:
         one, two = node_at(nodes, pair), node_at(nodes, pair + 1)
         state = look(two, look(one, state))
         t = distance(state)
@@ -181,12 +150,13 @@ def nearest(
         first, second = first & ~one.is_leaf, second & ~two.is_leaf
         swap = second & ~(first & (near <= far))
         link, other = dr.select(swap, two.link, one.link), dr.select(swap, one.link, two.link)
-        stack = stack.push(first & second, other, dr.select(swap, near, far))
-        stack, pair, active = stack.pop(~first & ~second, link, t)
-        return state, pair, stack, active
+        stack = stack.push(first & second, other)
+        more = ~first & ~second & (stack.size > 0)
+        stack, pair = stack.pop(more, link)
+        return state, pair, stack, first | second | more
 
-    uint, width = dr.uint32_array_t(nodes), dr.width(line)
-    buffers = dr.alloc_local(uint, DEPTH), dr.alloc_local(type(nodes), DEPTH)
-    stack = _Open(dr.zeros(uint, width), *buffers)
-    start: Any = state, dr.zeros(uint, width), stack, dr.ones(dr.mask_t(nodes), width)
+    width = dr.width(line)
+    zero = dr.zeros(dr.uint32_array_t(nodes), width)
+    stack = Stack.allocate(DEPTH, zero, zero)
+    start: Any = state, zero, stack, dr.ones(dr.mask_t(nodes), width)
     return dr.while_loop(start, lambda *s: s[-1], step, mode="symbolic", label="nearest")[0]

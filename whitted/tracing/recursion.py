@@ -17,11 +17,11 @@ import drjit as dr
 
 from ..core.arrays import Array
 from ..core.ray import Ray
+from ..core.stack import Stack
 from ..scene.features import branches_out, reflects
 from ..scene.scene import Scene
 from .node import Limits, Node, visit
 from .shading import emitted
-from .stack import Stack
 
 State = TypeVar("State")
 # From a node and what has been found so far to what is found now, the node's children, and for each

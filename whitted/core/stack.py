@@ -5,8 +5,8 @@ from typing import Any
 
 import drjit as dr
 
-from ..core.arrays import Array
-from ..core.pytree import leaves, like
+from .arrays import Array
+from .pytree import leaves, like
 
 
 @dataclass
