@@ -53,9 +53,10 @@ def sources_of(shapes: Iterable[Shape], clouds: Iterable[Cloud]) -> tuple[Source
     sources, first = [], 0
     for thing in things:
         count = dr.width(thing.radius)
-        sources.append(Source(f"{thing.group}.{thing.name}", thing.material, first, count))
-        first += count
-    return tuple(sources) if first else ()
+        if count:
+            sources.append(Source(f"{thing.group}.{thing.name}", thing.material, first, count))
+            first += count
+    return tuple(sources)
 
 
 @dataclass(frozen=True)

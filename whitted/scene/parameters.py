@@ -225,7 +225,7 @@ def check_numbers(
 def _check_many(name: str, numbers: Any, entry: Parameter, remedy: str) -> None:
     """The same for the numbers of a cloud."""
     least = 1 / LARGEST if entry.legal.open else -LARGEST
-    rows = numbers.reshape(len(numbers), -1)
+    rows = numbers.reshape(-1, entry.size)
     bad = np.flatnonzero(~((rows >= least) & (rows <= LARGEST)).all(1))
     if bad.size:
         told = ", ".join(f"{x:g}" for x in rows[bad[0]])

@@ -299,7 +299,7 @@ class Cloud(Thing):
         elif center is not None or radius is not None:
             raise SceneError(f"{self._where(name)}: give spheres, or center and radius, not all")
         try:
-            rows = rows_of(_array_of(spheres))
+            rows = rows_of(spheres if isinstance(spheres, (list, Rows)) else _array_of(spheres))
         except ValueError as error:
             raise SceneError(f"{self._where(name)}.spheres: {error}") from None
         self._fill({**given, "spheres": rows, "material": material})
@@ -316,44 +316,38 @@ class Cloud(Thing):
         radius: np.ndarray = self.spheres.numbers[:, 3]
         return radius
 
-    def _joined(self, name: object, center: Any, radius: Any) -> Any:
+    def _joined(self, name: object, center: Any, radius: Any) -> np.ndarray:
         """Centers and radii side by side."""
-        parts = _array_of(center), _array_of(radius)
-        expected = "numbers of shape (N, 3)", "as many numbers > 0, or one for all"
-        legal = (
-            parts[0].ndim == 2 and parts[0].shape[1] == 3 and parts[0].dtype.kind in "fiu",
-            parts[1].ndim < 2
-            and parts[1].size in (1, len(parts[0]))
-            and parts[1].dtype.kind in "fiu",
-        )
-        told = [
-            f"{self._where(name)}.{field}: expected {words}, got shape {part.shape}"
-            for field, words, part, fine in zip(
-                ("center", "radius"), expected, parts, legal, strict=True
+        center, radius = _array_of(center), _array_of(radius)
+        center = center.reshape(-1, 3) if center.shape == (0,) else center
+        where = self._where(name)
+        if center.dtype.kind not in "fiu" or center.ndim != 2 or center.shape[1] != 3:
+            raise SceneError(
+                f"{where}.center: expected numbers of shape (N, 3), got {_told(center)}"
             )
-            if not fine
-        ]
-        if told:
-            raise SceneError("\n".join(told[:1]))
-        return np.column_stack([parts[0], np.broadcast_to(parts[1].ravel(), len(parts[0]))])
+        if radius.dtype.kind not in "fiu" or radius.shape not in ((), (1,), center.shape[:1]):
+            expected = f"{len(center)} numbers > 0, or one for all"
+            raise SceneError(f"{where}.radius: expected {expected}, got {_told(radius)}")
+        return np.column_stack([center, np.broadcast_to(radius, len(center))])
 
     def __hash__(self) -> int:
         return hash((type(self), self.name))
 
 
-def _array_of(value: Any) -> Any:
-    """NumPy's array of numbers; an empty one of objects where they are none."""
-    if isinstance(value, Rows):
-        return value.numbers
+def _array_of(value: Any) -> np.ndarray:
+    """The numbers of an array of any kind."""
     if value is not None and dr.is_array_v(value):
         own: np.ndarray = dr.detach(value).numpy()
         return own.T if dr.depth_v(value) == 2 and not dr.is_tensor_v(value) else own
     try:
-        own = np.asarray(value)
+        return np.asarray(value)
     except ValueError:
+        # Rows of different lengths
         return np.empty(0, object)
-    # Without spheres a list of rows has one axis
-    return np.empty((0, 4)) if own.shape == (0,) else own
+
+
+def _told(array: np.ndarray) -> str:
+    return f"shape {array.shape}" if array.dtype.kind in "fiu" else "something else"
 
 
 class PointLight(Thing):

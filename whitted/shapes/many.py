@@ -164,6 +164,9 @@ class ManySpheres:
         ends_on: Any = False
         if ray.light in self.places.under_lights:
             ends_on = self._marked(number, 1 + self.places.under_lights.index(ray.light))
+        if not self.made_from.isdisjoint(ray.clear):
+            # Rays get into some, so the eye's side is not that of all surfaces
+            ray = replace(ray, eye=None)
         crosses = sphere.blocks(ray, ray.source == number, ends_on) & ray.wanted
         if self.made_from <= set(materials):
             return crosses
