@@ -27,7 +27,8 @@ def torch_render(
 
     Args:
         parameters: name, as in `Scene.parameters`, to a tensor on the CPU: of one number, or of
-            three for a vector; float32 for a scene in single precision, float64 in double.
+            three for a vector; float32 for a scene in single precision, float64 in double. Of a
+            cloud, of shape (N, 3) or (N,).
         spp, error, boundary, terms, max_depth, resolution, progress: as of `render`.
 
     Returns:
@@ -51,7 +52,7 @@ def torch_render(
     own = scene.parameters(*parameters) if parameters else {}
     kind = getattr(torch, scene.precision.dtype.__name__)
     for name, value in parameters.items():
-        size = 3 if dr.depth_v(own[name]) == 2 else 1
+        size = (3 if dr.depth_v(own[name]) == 2 else 1) * dr.width(own[name])
         if not isinstance(value, torch.Tensor) or value.numel() != size or value.dtype != kind:
             got = _described(value)
             raise ValueError(f"{name}: expected a tensor of {size} x {kind}, got {got}")
@@ -78,7 +79,8 @@ def _parameter(kind: Any, numbers: Array) -> Array:
     """A parameter's array, made of a flat array of its numbers."""
     if dr.depth_v(kind) == 1:
         return numbers
-    return kind(*(dr.gather(type(numbers), numbers, k) for k in range(3)))
+    place = 3 * dr.arange(dr.uint32_array_t(numbers), dr.width(numbers) // 3)
+    return kind(*(dr.gather(type(numbers), numbers, place + k) for k in range(3)))
 
 
 def _described(value: object) -> str:

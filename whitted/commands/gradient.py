@@ -22,8 +22,12 @@ def gradient(
     ],
     output: Outputs,
     component: Annotated[
-        Literal["x", "y", "z"] | None,
-        typer.Option(help="Of a vector; x, y, z of a colour are red, green, blue."),
+        str | None,
+        typer.Option(
+            metavar="x|y|z",
+            help="Of a vector; x, y, z of a colour are red, green, blue. 17.x is that of "
+            "sphere 17 of a cloud.",
+        ),
     ] = None,
     terms: Annotated[
         Literal["both", "interior", "boundary"],

@@ -17,6 +17,8 @@ def params(
     ] = None,
 ) -> None:
     """List a scene's parameters and their values."""
+    import drjit as dr
+
     from .. import load_scene
 
     names = () if pattern is None else (pattern,)
@@ -24,5 +26,8 @@ def params(
     values = load_scene(scene, "double").parameters(*names)
     width = max(map(len, values))
     for name, value in values.items():
+        if name.startswith("clouds."):
+            typer.echo(f"{name:{width}}  of {dr.width(value)} spheres")
+            continue
         numbers = "  ".join(f"{number:.10g}" for number in value.numpy().ravel())
         typer.echo(f"{name:{width}}  {numbers}")

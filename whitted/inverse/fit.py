@@ -182,6 +182,10 @@ def fit(
     views = views_of(scene, target, mask, resolution)
     first = views[0].scene
     names = list(first.parameters(*given))
+    for name in names:
+        if first.locations[name].entry.many:
+            remedy = "move clouds by an optimiser of drjit.opt, as in examples/beads.py"
+            raise ValueError(f"wrt: '{name}' has a number for each sphere of a cloud; {remedy}")
     for one in views:
         one.scene.parameters(*names)
     x = np.concatenate([start_of(first, name) for name in names])

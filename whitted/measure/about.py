@@ -50,11 +50,13 @@ def _vector_width() -> str:
 
 def features(scene: Scene) -> list[str]:
     """The features of a scene that its kernel is compiled for."""
-    counts = Counter(type(shape) for shape in scene.shapes)
+    counts = Counter(type(shape) for shape in scene.singles)
     counted = [_count(counts[kind], kind.__name__.lower()) for kind in SHAPES if counts[kind]]
     lights, facts = scene.lights, scene.features
     shadows = {shadow(scene, material) for material in scene.used}
     materials_that_fill = [m.name for m in scene.used if may(scene, m, "refraction")]
+    fills = sum(one.made_of(materials_that_fill) for one in scene.sets)
+    fills += sum(one.count for one in scene.sources if one.material in materials_that_fill)
     optional = {
         f"{_count(len(lights), 'light')} with hard shadows": bool(lights),
         "inverse-square falloff": any(getattr(x, "falloff", "none") != "none" for x in lights),
@@ -67,7 +69,8 @@ def features(scene: Scene) -> list[str]:
         "reflection": reflects(scene),
         "refraction": refracts(scene),
         "Fresnel": weights_vary(scene),
-        "media search": sum(one.made_of(materials_that_fill) for one in scene.sets) > 1,
+        "a tree of spheres": bool(scene.sources),
+        "media search": fills > 1,
         "least importance": scene.min_importance > 0,
         "compensated sums": bool(facts.places.compensated),
         "coinciding primitives": bool(facts.places.hidden),

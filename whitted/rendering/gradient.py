@@ -28,7 +28,8 @@ def gradient(
     Args:
         name: of a parameter of the scene, as in `Scene.parameters`; a pattern has to match one.
         component: of a vector, "x", "y" or "z", which are red, green and blue of a colour; None for
-            a number.
+            a number. Of a cloud, the number of a sphere comes before: "17.x" of centers, "17" of
+            radii.
         spp, error, boundary, terms, max_depth, resolution: as of `render`.
         progress: called with the fraction done, in (0, 1]; the first half is the image, the second
             its derivative. True shows a bar, as of `render`.
@@ -50,7 +51,10 @@ def gradient(
     if len(values) > 1:
         raise ValueError(f"name: '{name}' stands for {', '.join(values)}; name one of them")
     (name,) = values
-    tangent = _unit(name, values[name], component)
+    if scene.locations[name].entry.many:
+        tangent = _unit_of_one(name, values[name], component)
+    else:
+        tangent = _unit(name, values[name], component)
     dr.enable_grad(values)
     dr.set_grad(values[name], tangent)
     with reporting(progress, "differentiating") as report:
@@ -79,6 +83,21 @@ def _unit(name: str, value: Array, component: str | None) -> Array:
             f"component: expected {expected} for the vector '{name}', got {component or 'none'}"
         )
     return type(value)(*(float(axis == component) for axis in COMPONENTS))
+
+
+def _unit_of_one(name: str, value: Array, component: str | None) -> Array:
+    """The tangent along one number of one sphere of a cloud."""
+    vector, count = dr.depth_v(value) == 2, dr.width(value)
+    number, _, axis = str(component).partition(".")
+    legal = axis in COMPONENTS if vector else not axis
+    if not (number.isascii() and number.isdigit() and int(number) < count and legal):
+        example = f"'0.x' to '{count - 1}.z'" if vector else f"'0' to '{count - 1}'"
+        raise ValueError(
+            f"component: expected a sphere of the cloud '{name}', {example}, got {component!r}"
+        )
+    real = dr.value_t(value) if vector else type(value)
+    one = dr.select(dr.arange(dr.uint32_array_t(real), count) == int(number), real(1), 0)
+    return type(value)(*(one if own == axis else 0 for own in COMPONENTS)) if vector else one
 
 
 def _in_halves(progress: Report) -> Report:

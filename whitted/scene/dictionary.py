@@ -83,6 +83,22 @@ def with_rows(tables: Mapping[str, Any]) -> dict[str, Any]:
     return {**tables, **({"clouds": clouds} if clouds else {})}
 
 
+def with_single_spheres(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """The same tables with a sphere for each one of a cloud."""
+    rest = {key: own for key, own in tables.items() if key != "clouds"}
+    more = [
+        {
+            "name": f"{cloud['name']}.{k}",
+            "center": row[:3],
+            "radius": row[3],
+            "material": cloud["material"],
+        }
+        for cloud in tables.get("clouds", ())
+        for k, row in enumerate(Rows(cloud["spheres"].numbers).written())
+    ]
+    return rest | {"spheres": [*tables.get("spheres", ()), *more]} if more else rest
+
+
 def without_default_names(tables: Mapping[str, Any]) -> dict[str, Any]:
     """The same tables without the names that a file gives anyway."""
 

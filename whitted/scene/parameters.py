@@ -166,7 +166,8 @@ def _as_many(name: str, value: Any, old: Array) -> Array:
         if numbers.shape == shape and numbers.dtype.kind in "fiu":
             dtype = precision_of(old).dtype
             return from_numbers(np.ascontiguousarray(numbers.T, dtype), precision_of(old))
-        got = f"an array of shape {numbers.shape}" if numbers.size else repr(value)
+        real = numbers.size and numbers.dtype.kind in "fiu"
+        got = f"an array of shape {numbers.shape}" if real else repr(value)
     remedy = f"replace '{name.rpartition('.')[0]}.spheres' for another number of spheres"
     raise ValueError(f"{name}: expected numbers of shape {shape}, got {got}; {remedy}")
 

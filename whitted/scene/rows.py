@@ -80,9 +80,8 @@ def checked_rows(numbers: np.ndarray, file: str = "") -> Rows:
     if not fits.all():
         first = int(np.flatnonzero(~fits)[0])
         told = ", ".join(f"{x:g}" for x in real[first])
-        raise ValueError(
-            f"row {first} is [{told}]: expected finite numbers up to {LARGEST:g}, and a radius > 0"
-        )
+        expected = f"finite numbers of at most {LARGEST:g}, and a radius > 0"
+        raise ValueError(f"row {first} is [{told}]: expected {expected}")
     return Rows(real, file)
 
 

@@ -21,7 +21,7 @@ from .build import checked, fields_of
 from .camera import view_problem
 from .cloud_files import filed
 from .contents import FIELDS, Contents
-from .dictionary import dictionary_of, with_rows, without_default_names
+from .dictionary import dictionary_of, with_rows, with_single_spheres, without_default_names
 from .editing import edited_text
 from .parameters import (
     as_parameter,
@@ -366,7 +366,7 @@ class Scene(Contents):
             SceneError: something has no counterpart in Mitsuba; the message has a line for each
                 problem, with its path.
         """
-        written, report = write(dictionary_of(self, whole=True), approximate)
+        written, report = write(with_single_spheres(dictionary_of(self, whole=True)), approximate)
         if report.problems:
             raise SceneError("\n".join(report.problems))
         for warning in report.warnings:
