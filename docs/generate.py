@@ -43,6 +43,7 @@ OTHERS = {
     "reflection": "weight of the mirrored ray",
     "refraction": "weight of the refracted ray",
     "radius": "of the shape, in the scene's unit of length",
+    "spheres": "center and radius of each sphere, or the name of a file of them",
     "position": "the point where it is",
     "look_at": "a point in the middle of the picture",
 }
@@ -97,7 +98,7 @@ def keys_of(name: str) -> str:
         # Tables within tables have sections of their own
         if key in {"camera", "materials", "lights", "checker", *tables.GROUPS}:
             continue
-        mark = "yes" if key in parameters_of(kind) else ""
+        mark = "yes" if key in parameters_of(kind) or key == "spheres" else ""
         takes = expected(field)
         lines.append(f"| `{key}` | {said[key]} | {takes} | {default(field)} | {mark} |")
     return "\n".join(lines) + "\n"

@@ -42,7 +42,21 @@ def run(monkeypatch, tmp_path, capsys):
 
 def test_all_examples_are_tested():
     scripts = {path.stem for path in EXAMPLES.glob("*.py")}
-    assert scripts == {*ALLOWED, "common", "with_torch", "mitsuba_target", "mitsuba_position"}
+    others = {"common", "with_torch", "mitsuba_target", "mitsuba_position", "beads", "flake"}
+    assert scripts == {*ALLOWED, *others}
+
+
+@pytest.mark.slow
+def test_beads_come_closer(run):
+    start, end = map(float, re.findall(r"(?:start|end) ([\d.]+)", run("beads", 40)))
+    # A pixel is 1.2 radii wide, so a third of the way is what such a picture tells
+    assert end < start * 2 / 3
+
+
+def test_flake_has_ten_balls_for_each(run, tmp_path):
+    counts = [int(n) for n in re.findall(r"^ *(\d+) balls", run("flake", 16), re.M)]
+    assert counts == [1, 10, 91, 820, 7381, 66430]
+    assert len(list(tmp_path.glob("*.png"))) == 6
 
 
 @pytest.mark.slow
