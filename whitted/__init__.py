@@ -15,6 +15,7 @@ __all__ = [
     "Disc",
     "FitResult",
     "Material",
+    "Pick",
     "Plane",
     "PointLight",
     "Scene",
@@ -26,6 +27,7 @@ __all__ = [
     "gradient",
     "load_scene",
     "parse_scene",
+    "pick",
     "read_image",
     "render",
     "show",
@@ -59,6 +61,7 @@ else:
     from .rendering.api import render
     from .rendering.gradient import gradient
     from .rendering.notebook import show_in_notebooks
+    from .rendering.pick import Pick, pick
     from .scene.files import load_scene, parse_scene
     from .scene.interchange import from_mitsuba
     from .scene.scene import Scene

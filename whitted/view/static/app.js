@@ -1,0 +1,112 @@
+// The app: what is known, how it is told to its parts, and what the parts say to the server.
+
+import { derivative } from "./derivative.js";
+import { make } from "./dom.js";
+import { fit } from "./fit.js";
+import { panel } from "./panel.js";
+import { picture } from "./picture.js";
+import { toolbar } from "./toolbar.js";
+
+const REST = 150; // milliseconds without a message until a better picture is asked for
+const WINDOW = 2; // messages on the way, at most, of those that only say where the mouse is
+const PATIENCE = 500; // milliseconds after which one is taken for lost
+
+/**
+ * Build the app in an element.
+ *
+ * `link` has send(message) and receive(handler). Of the options, `page` adds what a notebook does
+ * not have: saving and fitting; `token` is that of the address.
+ */
+export function mount(root, link, options) {
+  const handlers = {};
+  const state = { scene: null, frame: null, frames: 0, sent: 0, refused: [], connected: false };
+  const status = make("p", { className: "status", role: "status" });
+  let resting = 0;
+  let waiting = null;
+  let onWay = 0;
+  let sentAt = 0;
+
+  const app = { state, options, send, live, on, tell, values: (name) => valueOf(state, name) };
+  app.acknowledge = () => link.send({ kind: "shown" });
+
+  function on(kind, handler) {
+    (handlers[kind] ??= []).push(handler);
+  }
+
+  function send(message) {
+    flush();
+    link.send(message);
+    state.sent += 1;
+    clearTimeout(resting);
+    resting = setTimeout(() => link.send({ kind: "rest" }), REST);
+  }
+
+  /** Send a message of which only the last one counts; it may wait for the next frame. */
+  function live(message) {
+    if (onWay >= WINDOW && performance.now() - sentAt < PATIENCE) {
+      waiting = message;
+      return;
+    }
+    waiting = null;
+    send(message);
+    onWay += 1;
+    sentAt = performance.now();
+  }
+
+  function flush() {
+    const message = waiting;
+    waiting = null;
+    if (message) link.send(message);
+  }
+
+  function arrived() {
+    onWay = 0;
+    if (waiting) live(waiting);
+  }
+
+  function tell(text, kind = "note") {
+    status.textContent = text;
+    status.className = `status ${kind}`;
+  }
+
+  function receive(message) {
+    if (message.kind === "frame") {
+      state.frame = message;
+      state.frames += 1;
+    }
+    if (message.kind === "scene") state.scene = message;
+    for (const handler of handlers[message.kind] ?? []) handler(message);
+    if (message.kind === "frame" || message.kind === "refused") arrived();
+  }
+
+  on("connected", () => {
+    state.connected = true;
+    root.classList.remove("lost");
+    tell("connected");
+    send({ kind: "open" });
+  });
+  on("lost", ({ text }) => {
+    state.connected = false;
+    root.classList.add("lost");
+    tell(text, "refused");
+  });
+  on("refused", ({ text }) => {
+    state.refused.push(text);
+    tell(text, "refused");
+  });
+  on("saved", ({ text }) => tell(text));
+
+  const side = make("div", { className: "side" }, derivative(app), panel(app));
+  if (options.page) side.prepend(fit(app));
+  const middle = make("div", { className: "middle" }, picture(app), side);
+  root.classList.add("whitted");
+  root.replaceChildren(toolbar(app), middle, status);
+  link.receive(receive);
+  return app;
+}
+
+/** The numbers of a parameter as the last frame shows it. */
+function valueOf(state, name) {
+  const known = state.frame?.values?.[name];
+  return known ?? state.scene?.start?.get(name)?.value;
+}
