@@ -63,13 +63,13 @@ def next_of(socket, kind, shown=True):
 
 
 def status_of_socket(client, address, **headers):
-    """The status with which a socket is refused."""
+    """The code with which a socket is refused before it is accepted."""
     with (
-        pytest.raises(testclient.WebSocketDenialResponse) as refused,
+        pytest.raises(testclient.WebSocketDisconnect) as refused,
         client.websocket_connect(address, headers=headers),
     ):
         pass
-    return refused.value.status_code
+    return refused.value.code
 
 
 def test_page_and_its_parts(client):
@@ -100,7 +100,7 @@ def test_foreign_origin_is_refused(client, origin):
         403,
         "another site's page may not use this server\n",
     )
-    assert status_of_socket(client, SOCKET, origin=origin) == 403
+    assert status_of_socket(client, SOCKET, origin=origin) == 1008
 
 
 @pytest.mark.parametrize("host", ["example.com", "example.com:8750", "127.0.0.1", "0.0.0.0:8750"])
@@ -113,8 +113,8 @@ def test_wrong_host_is_refused(client, host):
 
 
 def test_socket_needs_the_token(client):
-    assert status_of_socket(client, SOCKET.replace(TOKEN, "wrong")) == 403
-    assert status_of_socket(client, SOCKET, host="example.com:8750") == 400
+    assert status_of_socket(client, SOCKET.replace(TOKEN, "wrong")) == 1008
+    assert status_of_socket(client, SOCKET, host="example.com:8750") == 1008
 
 
 def test_files_beside_the_page_are_not_served(client):

@@ -8,6 +8,7 @@ from drjit.llvm import ad
 from ..core.arrays import Array
 from ..core.derivatives import LOCK
 from ..core.frozen import frozen
+from ..core.power import power
 from ..files.false_color import NEGATIVE, POSITIVE
 from .marks import EDGE, OUTLINE
 
@@ -101,7 +102,7 @@ def _clipped(x: Array, low: float) -> Array:
 def _encoded(linear: Array) -> Array:
     """sRGB (IEC 61966-2-1) of linear values, from 0 to 255."""
     x = _clipped(ad.Float(linear), 0)
-    return 255 * dr.select(x <= 0.0031308, 12.92 * x, 1.055 * dr.power(x, 1 / 2.4) - 0.055)
+    return 255 * dr.select(x <= 0.0031308, 12.92 * x, 1.055 * power(x, ad.Float(1 / 2.4)) - 0.055)
 
 
 def _written(index: Array, colors: list[Array], marks: Array | None) -> Array:

@@ -96,6 +96,9 @@ def _run(pipe: Connection, scene: Scene, target: np.ndarray, options: Event) -> 
             warnings.simplefilter("always")
             result = fit(scene, target, progress=False, callback=report, **options)
         pipe.send(_end_of(result, [str(each.message) for each in warned]))
+    except OSError:
+        # There is no one to tell: the server has ended
+        return
     except (ValueError, KeyError, TypeError, RuntimeError, MemoryError) as error:
         pipe.send({"error": str(error.args[0] if error.args else error)})
 

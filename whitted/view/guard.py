@@ -31,7 +31,7 @@ class Guard:
 
     A `Host` that is not this server answers with the status 400: a name that another site has
     pointed at this machine. An `Origin` other than the own page, and a missing or wrong token,
-    answer with 403.
+    answer with 403; so does every socket that is refused.
     """
 
     def __init__(self, app: App, port: int, token: str) -> None:
@@ -50,8 +50,10 @@ class Guard:
         refusal = self._refusal(scope)
         if refusal is None:
             await self._app(scope, receive, _with_headers(send))
+        elif scope["type"] == "websocket":
+            # Before it is accepted: the server answers with the status 403
+            await send({"type": "websocket.close", "code": 1008})
         else:
-            # Of a socket this answers before it is accepted
             status, text = refusal
             await PlainTextResponse(f"{text}\n", status)(scope, receive, _with_headers(send))
 

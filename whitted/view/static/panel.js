@@ -13,10 +13,15 @@ export function panel(app) {
   });
   const list = make("div", { className: "groups" });
   let groups = [];
+  let known = "";
 
   app.on("scene", (scene) => {
-    scene.start = new Map();
-    groups = scene.groups.map((group) => groupOf(app, scene, group));
+    scene.start = startOf(scene);
+    const text = JSON.stringify(scene.groups);
+    // After a break of the line what is open stays open
+    if (text === known) return;
+    known = text;
+    groups = scene.groups.map((group) => groupOf(app, group));
     list.replaceChildren(...groups.map((group) => group.element));
     narrow();
   });
@@ -30,15 +35,20 @@ export function panel(app) {
   return make("section", { className: "panel" }, make("h2", {}, "Parameters"), filter, list);
 }
 
+/** All parameters of a scene, by name. */
+function startOf(scene) {
+  const all = scene.groups.flatMap((group) => group.parameters);
+  return new Map(all.map((parameter) => [parameter.name, parameter]));
+}
+
 /** One thing of the scene. Its rows are made when it is opened, as there may be thousands. */
-function groupOf(app, scene, { name, parameters }) {
+function groupOf(app, { name, parameters }) {
   const title = make("summary", {}, name);
   const body = make("div");
   const element = make("details", { className: "group", ontoggle: () => open() }, title, body);
   element.dataset.name = name;
   let rows = [];
   let picked = false;
-  parameters.forEach((parameter) => scene.start.set(parameter.name, parameter));
 
   function open() {
     if (!element.open || rows.length) return;
