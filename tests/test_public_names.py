@@ -57,6 +57,7 @@ NAMES = {
         "(scene, parameters, spp=1, *, error=None, boundary=None, terms='both', max_depth=None, "
         "resolution=None, progress=None)"
     ),
+    "view": "(scene)",
     "write_image": "(path, image, metadata=None)",
 }
 # Attributes and methods of what users hold

@@ -4,6 +4,7 @@ import os
 import shutil
 import signal
 import time
+from base64 import b64encode
 
 import pytest
 from test_view_server import started
@@ -288,3 +289,57 @@ def test_server_is_killed_and_started_again(chromium, folder):
         page.tab.close()
         ended(again)
     assert page.errors == []
+
+
+# A notebook as far as the widget sees it: a model that sends to Python, and gets what comes back
+NOTEBOOK = """async text => {
+  const module = await import(URL.createObjectURL(new Blob([text], { type: "text/javascript" })));
+  const handlers = [];
+  const bytes = (data) => new DataView(Uint8Array.from(atob(data), (c) => c.charCodeAt(0)).buffer);
+  const model = {
+    on: (_, handler) => handlers.push(handler),
+    off: () => {},
+    send: async (message) => {
+      for (const [told, buffers] of await toPython(message)) {
+        handlers.forEach((handler) => handler(told, buffers.map(bytes)));
+      }
+    },
+  };
+  const el = document.body.appendChild(document.createElement("div"));
+  module.default.render({ model, el });
+  window.whitted = el.whitted;
+}"""
+
+
+def test_widget_of_a_notebook(chromium):
+    """The script that notebooks get, and the Python object behind it."""
+    pytest.importorskip("anywidget", reason="needs anywidget: pip install 'whitted[notebook]'")
+    view, sent = wt.view(wt.parse_scene(TEXT)), []
+
+    def send(told, buffers=()):
+        sent.append([told, [b64encode(data).decode() for data in buffers]])
+
+    def to_python(message):
+        sent.clear()
+        view._handle_custom_msg(message, [])
+        return list(sent)
+
+    view.send = send
+    page = Page(chromium, "about:blank")
+    page.tab.expose_function("toPython", to_python)
+    page.tab.evaluate(NOTEBOOK, view._esm)
+    page.tab.add_style_tag(content=view._css)
+    page.rested()
+    page.drag(AT_BALL, (0.5, 0.4), (0.45, 0.3))
+    page.until("whitted.shown.undo")
+    page.rested()
+    assert view.scene.numbers[CENTER][0] == pytest.approx(page.values()[CENTER][0])
+    assert view.scene.numbers[CENTER][1] > 0.2
+    page.press("undo")
+    page.until("Object.keys(whitted.shown.values).length === 0")
+    assert view.scene == wt.parse_scene(TEXT)
+    # What needs the server is not there
+    assert page.tab.get_by_role("button", name="save").count() == 0
+    assert page.tab.locator(".fit").count() == 0
+    assert page.errors == []
+    page.tab.close()

@@ -78,7 +78,7 @@ def test_page_and_its_parts(client):
     assert "text/html" in page.headers["content-type"]
     assert "default-src 'self'" in page.headers["content-security-policy"]
     parts = re.findall(r'(?:src|href)="(/[^"]*)"', page.text)
-    assert len(parts) == 2
+    assert len(parts) == 3
     for part in parts:
         assert client.get(part).status_code == 200
     assert "://" not in page.text
@@ -206,7 +206,9 @@ def test_target_that_is_sent(client, session, tmp_path):
 
 
 def test_target_that_is_too_large(client, monkeypatch):
-    monkeypatch.setattr("whitted.view.server.LARGEST", 1 << 20)
+    from whitted.view import server
+
+    monkeypatch.setattr(server, "LARGEST", 1 << 20)
     answer = client.post(f"/target?token={TOKEN}&name=t.png", content=bytes((1 << 20) + 1))
     assert answer.status_code == 413
     assert answer.text == "target: a file of more than 1 MiB; scale the picture"

@@ -33,6 +33,7 @@ __all__ = [
     "show",
     "to_srgb",
     "torch_render",
+    "view",
     "write_image",
 ]
 
@@ -77,5 +78,6 @@ else:
         Sphere,
     )
     from .torch import torch_render
+    from .view.notebook import view
 
     show_in_notebooks()

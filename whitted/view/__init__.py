@@ -30,4 +30,7 @@ and kernels are compiled before it moves.
 A page reaches nothing but this. The server listens on 127.0.0.1, takes only requests to itself
 (`Host`), from its own page (`Origin`), with the token of its address (guard.py). It writes one kind
 of file: what is saved, by name, into the scene's folder.
+
+The function `whitted.view` has the name of this room. Its modules are imported by their whole
+names, as in `from whitted.view.session import Session`.
 """

@@ -108,11 +108,20 @@ class Session:
         }
         return header, shown
 
-    def recover(self) -> None:
-        """Go back to what worked: the scene before the last step, and no derivative."""
+    def failed(self, error: Exception) -> Reply:
+        """After an error of ours, go back to what worked: the last step's scene, no derivative.
+
+        Returns:
+            What to tell the page.
+        """
         state = self.state
         state.scene, state.asked, state.held = state.history.scene, None, None
         state.stale = False
+        if isinstance(error, MemoryError):
+            text = "not enough memory; choose a smaller size, or fewer samples"
+        else:
+            text = f"this did not work, and the last step is taken back: {error}"
+        return {"kind": "refused", "text": text}
 
     def close(self) -> None:
         """End what runs beside."""

@@ -103,14 +103,8 @@ class Worker:
             function(*arguments)
         except InterruptedPictureError:
             return
-        except MemoryError:
-            self._fail("not enough memory; choose a smaller size, or fewer samples")
         except Exception as error:
-            self._fail(f"this did not work, and the last step is taken back: {error}")
-
-    def _fail(self, text: str) -> None:
-        self._session.recover()
-        self._tell_all({"kind": "refused", "text": text})
+            self._tell_all(self._session.failed(error))
 
     def _take(self, page: int, message: Any) -> None:
         """Do what one message says."""
