@@ -15,7 +15,7 @@ from .marks import EDGE, OUTLINE
 # sRGB of the outline of what is picked, and of edges of labels
 OUTLINE_COLOR, EDGE_COLOR = (255, 150, 0), (0, 230, 160)
 # Under a derivative the picture is grey, between this level and white
-DARKEST = 0.35
+DARKEST = 0.5
 # Luminance of linear RGB (ITU-R BT.709)
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 

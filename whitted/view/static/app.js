@@ -82,7 +82,7 @@ export function mount(root, link, options) {
   on("connected", () => {
     state.connected = true;
     root.classList.remove("lost");
-    tell("connected");
+    tell("");
     send({ kind: "open" });
   });
   on("lost", ({ text }) => {
