@@ -35,9 +35,9 @@ DRAG = """async moves => {
   const sent = [], frames = [];
   let last = whitted.shown, open = true;
   const watch = () => {
-    if (whitted.shown !== last) {
+    if (whitted.shown !== last && whitted.shown.values["spheres.ball.center"]) {
       last = whitted.shown;
-      frames.push([performance.now(), last.values["spheres.ball.center"]?.[0] ?? null,
+      frames.push([performance.now(), last.values["spheres.ball.center"][0],
         last.milliseconds]);
     }
     if (open) setTimeout(watch, 0);
@@ -124,8 +124,7 @@ def measured(told: dict[str, Any]) -> tuple[float, np.ndarray, float]:
     times, x, drawn = (np.array(part, float) for part in zip(*told["frames"], strict=True))
     sent = np.array(told["sent"])
     # The last frame shows the last move; the ball goes as far in each move
-    start = (x[-1] + x[0]) / 2 if len(x) < 2 else x.min()
-    moves = np.rint((x - start) / (x[-1] - start) * (len(sent) - 1)).astype(int)
+    moves = np.rint((x - x.min()) / (x[-1] - x.min()) * (len(sent) - 1)).astype(int)
     within = (times > told["start"]) & (times <= told["end"])
     waits = (times - sent[np.clip(moves, 0, len(sent) - 1)])[within]
     return (

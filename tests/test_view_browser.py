@@ -165,6 +165,12 @@ def test_drag_slider_undo_and_save(page, folder):
     assert "expected three numbers in [0, 1]" in page.status()
     assert float(page.number("materials.red.color", 2).input_value()) == pytest.approx(0.9)
 
+    # So is what is no number
+    page.number("materials.red.color", 2).fill("")
+    page.number("materials.red.color", 2).press("Enter")
+    assert page.status() == "materials.red.color: expected a number, got ''"
+    assert float(page.number("materials.red.color", 2).input_value()) == pytest.approx(0.9)
+
     # Back to the drag, and forth
     page.press("undo")
     page.until("Math.abs(whitted.shown.values['materials.red.color'][2] - 0.1) < 1e-6")
@@ -249,6 +255,30 @@ def test_fit_from_start_to_end(page):
     page.until("Math.abs(whitted.shown.values['spheres.ball.center'][0] - 0.6) > 0.02")
 
 
+def test_targets_from_files(page, tmp_path):
+    """Chosen, dropped, refused by the page and by the server."""
+    wt.write_image(tmp_path / "t.exr", wt.render(wt.parse_scene(TEXT), resolution=(30, 20)))
+    page.press("start")
+    assert page.status() == "fit: tick the parameters to find, below"
+    page.tab.set_input_files("input[type=file]", tmp_path / "t.exr")
+    page.until("whitted.target && whitted.target[0] === 30 && whitted.shown.look.size[0] === 30")
+    page.until("!document.querySelector('canvas.difference').hidden")
+    page.press("none")
+    page.until("whitted.target === null")
+    drop = """([size, name]) => { const data = new DataTransfer();
+        data.items.add(new File([new Uint8Array(size)], name));
+        dispatchEvent(new DragEvent("drop", { dataTransfer: data })); }"""
+    page.tab.evaluate(drop, [8, "a.png"])
+    page.until("whitted.refused.length > 0")
+    assert "a.png: not a readable PNG" in page.status()
+    page.tab.evaluate(drop, [(64 << 20) + 1, "b.png"])
+    assert page.status() == "b.png: more than 64 MiB; scale the picture"
+    page.tab.locator("[data-look=width]").fill("48")
+    page.tab.locator("[data-look=height]").fill("32")
+    page.tab.locator("[data-look=height]").press("Enter")
+    page.until("whitted.shown.look.size[0] === 48")
+
+
 def test_second_tab_waits_for_the_first(page, chromium):
     second = Page(chromium, page.tab.url)
     second.until("document.querySelector('.status').textContent.includes('another page is open')")
@@ -264,7 +294,8 @@ def test_broken_line_comes_back(page):
     page.number("spheres.ball.radius").press("Enter")
     page.until("whitted.shown.values['spheres.ball.radius']")
     page.tab.evaluate("sockets.at(-1).close()")
-    page.until("!whitted.connected")
+    page.until("document.querySelector('.status').textContent.startsWith('the connection broke')")
+    assert not page.state("connected")
     page.until("whitted.connected")
     page.rested()
     assert page.values()["spheres.ball.radius"] == [pytest.approx(0.3)]
@@ -280,6 +311,8 @@ def test_server_is_killed_and_started_again(chromium, folder):
     process.communicate(timeout=20)
     page.until("!whitted.connected")
     page.until("document.querySelector('.status').textContent.includes('whitted has ended')")
+    page.tab.set_input_files("input[type=file]", folder / "scene.toml")
+    page.until("document.querySelector('.status').textContent.endsWith('there is no connection')")
     again, other = started(folder / "scene.toml", "--port", address.split(":")[2].split("/")[0])
     try:
         page.until("document.querySelector('.status').textContent.includes('open the address')")

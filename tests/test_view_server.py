@@ -246,9 +246,11 @@ def test_of_messages_in_a_row_the_last_one_counts():
     assert workers.newest([(1, None), (1, None)]) == [(1, None), (1, None)]
 
 
-def test_a_picture_at_rest_is_interrupted(session):
+@pytest.mark.parametrize("name", [None, "camera.fov"])
+def test_a_picture_at_rest_is_interrupted(session, name):
     from whitted.view.pictures import InterruptedPictureError
 
+    session.handle({"kind": "differentiate", "name": name})
     session.frame()
     session.handle({"kind": "rest"})
     with pytest.raises(InterruptedPictureError):
@@ -323,6 +325,24 @@ def test_command_refuses_bad_input(tmp_path, capsys):
             error = capsys.readouterr().err
             assert text in error
             assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("port", "message"),
+    [
+        (["--port", "80"], "--port: 80 is refused (Permission denied); choose another, or leave"),
+        ([], "--port: no port is free; give one"),
+    ],
+)
+def test_ports_that_the_system_refuses(monkeypatch, capsys, port, message):
+    def refuse(*_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("socket.socket.bind", refuse)
+    assert run(["view", "cornell", "--no-browser", *port]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
 
 
 @pytest.mark.parametrize("name", ["starlette", "uvicorn", "websockets"])

@@ -8,6 +8,7 @@ from PIL import Image
 from view_scene import TEXT
 
 import whitted as wt
+from whitted.core import frozen
 from whitted.view.session import Session
 
 BALL = "spheres.ball.center"
@@ -224,6 +225,18 @@ def test_labels_are_drawn_at_edges(session):
     session.handle(look_of(session, labels=True))
     changed = abs(pixels(session.frame()[1]["picture"]) - plain).max(2) > 60
     assert 30 < changed.sum() < 700
+
+
+def test_first_drag_compiles_nothing(session):
+    """After `warm` no frozen function is recorded anew."""
+    session.warm()
+    made = frozen._store.made
+    session.frame()
+    grab(session, *AT_BALL)
+    for k in range(3):
+        say(session, "drag", x=0.5, y=0.4 + k / 10, how="across")
+        session.frame()
+    assert frozen._store.made == made
 
 
 def test_a_picture_at_rest_is_better(session):

@@ -11,7 +11,7 @@ from ..files.images import write_image
 from . import messages, mouse, saving
 from .picking import picked_at
 from .pictures import checked_size, sharp
-from .sliders import groups_of, sizes_of
+from .sliders import groups_of
 from .state import State
 
 Reply = dict[str, Any]
@@ -98,7 +98,7 @@ def look(state: State, asked: messages.Look) -> None:
 
 def differentiate(state: State, asked: messages.Differentiate) -> None:
     if asked.name is not None:
-        count = sizes_of(state.scene).get(asked.name)
+        count = state.sizes.get(asked.name)
         if count is None:
             raise ValueError(f"differentiate: the scene has no parameter '{asked.name}'")
         if (count == 3) != (asked.component is not None):

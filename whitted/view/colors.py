@@ -3,6 +3,7 @@
 from typing import Any
 
 import drjit as dr
+import numpy as np
 from drjit.llvm import ad
 
 from ..core.arrays import Array
@@ -28,7 +29,8 @@ def picture(image: Array, marks: Array | None) -> Any:
         marks: UInt32 for each pixel, from `marks.py`; None for none.
 
     Returns:
-        NumPy's uint8 of the same shape. Radiance is clipped to [0, 1].
+        NumPy's uint8 of shape (height, width, 4): red, green, blue, and 0. Radiance is clipped to
+        [0, 1].
     """
     with LOCK:
         return _finished(_picture(image.array, marks, _count(image)), image.shape)
@@ -44,7 +46,7 @@ def derivative(slope: Array, scale: float, below: Array | None, marks: Array | N
         marks: as of `picture`.
 
     Returns:
-        NumPy's uint8 of that shape. NaN is black.
+        NumPy's uint8 of shape (height, width, 4), as of `picture`. NaN is black.
     """
     with LOCK:
         inverse = dr.opaque(dr.value_t(slope.array), 1 / scale)
@@ -60,37 +62,36 @@ def _count(image: Array) -> int:
 
 
 def _finished(colors: Array, shape: tuple[int, ...]) -> Any:
-    return colors.numpy().reshape(shape)
+    return colors.numpy().view(np.uint8).reshape(*shape[:2], 4)
 
 
 @frozen
 def _picture(pixels: Array, marks: Array | None, count: int) -> Array:
-    index, color = _pixels(pixels, count)
-    return _written(index, [_encoded(channel) for channel in color], marks)
+    return _packed([_encoded(channel) for channel in _pixels(pixels, count)], marks)
 
 
 @frozen
 def _derivative(
     pixels: Array, inverse: Array, below: Array | None, marks: Array | None, count: int
 ) -> Array:
-    index, slope = _pixels(pixels, count)
+    slope = _pixels(pixels, count)
     t = _clipped(ad.Float((slope[0] + slope[1] + slope[2]) / 3 * inverse), -1)
     grey = ad.Float(1)
     if below is not None:
-        _, color = _pixels(below, count)
+        color = _pixels(below, count)
         luminance = sum(weight * x for weight, x in zip(LUMINANCE, color, strict=True))
         grey = DARKEST + (1 - DARKEST) / 255 * _encoded(ad.Float(luminance))
     ends = zip(NEGATIVE.tolist(), POSITIVE.tolist(), strict=True)
     colors = [grey * (255 - abs(t) * (255 - dr.select(t < 0, low, high))) for low, high in ends]
     unknown = dr.isnan(slope[0] + slope[1] + slope[2])
     colors = [dr.select(unknown, 0, color) for color in colors]
-    return _written(index, colors, marks)
+    return _packed(colors, marks)
 
 
-def _pixels(pixels: Array, count: int) -> tuple[Array, list[Array]]:
-    """The number of each pixel, and its channels."""
+def _pixels(pixels: Array, count: int) -> list[Array]:
+    """The channels of all pixels."""
     index = dr.arange(ad.UInt32, count)
-    return index, [dr.gather(type(pixels), pixels, 3 * index + k) for k in range(3)]
+    return [dr.gather(type(pixels), pixels, 3 * index + k) for k in range(3)]
 
 
 def _clipped(x: Array, low: float) -> Array:
@@ -105,12 +106,12 @@ def _encoded(linear: Array) -> Array:
     return 255 * dr.select(x <= 0.0031308, 12.92 * x, 1.055 * power(x, ad.Float(1 / 2.4)) - 0.055)
 
 
-def _written(index: Array, colors: list[Array], marks: Array | None) -> Array:
-    """The bytes of all pixels, row by row with RGB interleaved."""
-    out = dr.empty(ad.UInt8, 3 * dr.width(index))
+def _packed(colors: list[Array], marks: Array | None) -> Array:
+    """The bytes of all pixels, row by row: red, green, blue, and 0, as one word each."""
+    word = ad.UInt32(0)
     for k, color in enumerate(colors):
         if marks is not None:
             color = dr.select((marks & EDGE) != 0, EDGE_COLOR[k], color)
             color = dr.select((marks & OUTLINE) != 0, OUTLINE_COLOR[k], color)
-        dr.scatter(out, ad.UInt8(ad.UInt32(color + 0.5)), 3 * index + k)
-    return out
+        word |= ad.UInt32(color + 0.5) << (8 * k)
+    return word

@@ -132,11 +132,13 @@ def marks_of(wanted: Wanted) -> Array | None:
 
 
 def jpeg(pixels: np.ndarray) -> bytes:
-    """8-bit RGB as JPEG, with colours at full resolution."""
+    """Pixels of `colors.py` as JPEG, with colours at full resolution."""
     from PIL import Image
 
     memory = io.BytesIO()
-    Image.fromarray(pixels).save(memory, "jpeg", quality=QUALITY, subsampling=0)
+    height, width, _ = pixels.shape
+    picture = Image.frombuffer("RGBX", (width, height), pixels, "raw", "RGBX", 0, 1)
+    picture.save(memory, "jpeg", quality=QUALITY, subsampling=0)
     return memory.getvalue()
 
 

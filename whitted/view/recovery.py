@@ -11,7 +11,6 @@ from . import messages
 from .colors import picture
 from .fitting import SPP, Event, Fitting
 from .pictures import jpeg, sharp
-from .sliders import sizes_of
 from .state import State
 from .targets import checked, received
 
@@ -68,8 +67,7 @@ def start(state: State, asked: messages.Fit) -> list[Reply]:
         raise ValueError(
             "fit: there is no target; drop a picture here, or take the one that is now"
         )
-    sizes = sizes_of(state.scene)
-    unknown = [name for name in asked.wrt if name not in sizes]
+    unknown = [name for name in asked.wrt if name not in state.sizes]
     if unknown:
         raise ValueError(f"fit: the scene has no parameter '{unknown[0]}'")
     state.touch(asked.wrt)

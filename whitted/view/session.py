@@ -2,10 +2,12 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ..core.arrays import Array
+from ..rendering.pick import pick
 from ..scene.scene import Scene
 from . import actions, messages, recovery
 from .fitting import Event
@@ -95,7 +97,7 @@ class Session:
         first, now = state.history.first.numbers, state.scene.numbers
         header: Reply = {
             "kind": "frame",
-            "values": {k: list(v) for k, v in now.items() if v != first.get(k)},
+            "values": {name: list(now[name]) for name in state.sizes if now[name] != first[name]},
             "picked": state.picked,
             "lights": state.lights(),
             "undo": state.history.can_undo,
@@ -107,6 +109,13 @@ class Session:
             "milliseconds": 1e3 * (time.perf_counter() - start),
         }
         return header, shown
+
+    def warm(self) -> None:
+        """Compile what the first picture and the first drag need, before there is a page."""
+        state, (width, height) = self.state, self.state.look.size
+        picked = 0 if state.scene.shapes else None
+        self._painter.frame(replace(state.wanted(), picked=picked))
+        pick(state.scene, width / 2, height / 2, resolution=(width, height))
 
     def failed(self, error: Exception) -> Reply:
         """After an error of ours, go back to what worked: the last step's scene, no derivative.

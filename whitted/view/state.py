@@ -11,6 +11,7 @@ from .history import History
 from .messages import Differentiate, Look
 from .mouse import Grabbed, place_of, projected, view_of
 from .pictures import Wanted, checked_size
+from .sliders import sizes_of
 
 # Samples a pixel while nothing moves, unless a page asks for others
 SPP = 4
@@ -28,6 +29,8 @@ class State:
         self.scene = scene
         self.history = History(scene)
         self.folder, self.name = folder, name
+        # How many numbers each parameter has that pages show; it does not change
+        self.sizes = sizes_of(scene)
         # Of a shape or a light, such as "spheres.ball"
         self.picked: str | None = None
         self.held: Grabbed | None = None

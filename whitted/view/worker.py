@@ -75,6 +75,7 @@ class Worker:
 
     def _run(self) -> None:
         """Until the end: do what waits, then render for the pages that can take a frame."""
+        self._guarded(self._session.warm)
         while not self._ended:
             with self._filled:
                 self._filled.wait_for(lambda: self._inbox or self._has_work())

@@ -19,7 +19,7 @@ const PATIENCE = 500; // milliseconds after which one is taken for lost
  */
 export function mount(root, link, options) {
   const handlers = {};
-  const state = { scene: null, frame: null, frames: 0, sent: 0, refused: [], connected: false };
+  const state = { scene: null, frame: null, frames: 0, refused: [], connected: false };
   const status = make("p", { className: "status", role: "status" });
   let resting = 0;
   let waiting = null;
@@ -36,7 +36,11 @@ export function mount(root, link, options) {
   function send(message) {
     flush();
     link.send(message);
-    state.sent += 1;
+    postpone();
+  }
+
+  /** Ask for a better picture later. */
+  function postpone() {
     clearTimeout(resting);
     resting = setTimeout(() => link.send({ kind: "rest" }), REST);
   }
@@ -45,6 +49,7 @@ export function mount(root, link, options) {
   function live(message) {
     if (onWay >= WINDOW && performance.now() - sentAt < PATIENCE) {
       waiting = message;
+      postpone();
       return;
     }
     waiting = null;
