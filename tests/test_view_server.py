@@ -234,6 +234,17 @@ def test_errors_of_ours_are_told_and_the_page_goes_on(client, session, monkeypat
         assert next_of(socket, "frame")["values"] == {}
 
 
+def test_a_slow_picture_is_announced(client, session, monkeypatch):
+    monkeypatch.setattr(workers, "SLOW", 0.05)
+    quick = session.frame
+    with client.websocket_connect(SOCKET) as socket:
+        next_of(socket, "frame")
+        monkeypatch.setattr(session, "frame", lambda *asked: time.sleep(0.3) or quick(*asked))
+        socket.send_json({"kind": "set", "name": "spheres.ball.radius", "value": [0.5]})
+        next_of(socket, "working")
+        assert next_of(socket, "frame")["values"]
+
+
 def test_of_messages_in_a_row_the_last_one_counts():
     def drag(x, how="across"):
         return 1, {"kind": "drag", "x": x, "y": 0, "how": how}

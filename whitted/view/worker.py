@@ -13,6 +13,8 @@ from .session import Reply, Session
 Deliver = Callable[[int, "str | bytes"], None]
 # Frames on the way to a page: one that it draws, and one that comes meanwhile
 IN_FLIGHT = 2
+# Seconds after which pages are told that a picture takes its time, as when kernels are compiled
+SLOW = 0.7
 # Messages of which only the last one in a row counts
 LIVE = ("set", "drag")
 # A page has drawn a frame. This one is for the worker alone
@@ -134,7 +136,13 @@ class Worker:
         if self._ended or not self._has_work():
             return
         if self._session.state.stale:
-            self._last = packed(*self._session.frame(self._interrupted))
+            slow = threading.Timer(SLOW, self._tell_all, [{"kind": "working"}])
+            slow.daemon = True
+            slow.start()
+            try:
+                self._last = packed(*self._session.frame(self._interrupted))
+            finally:
+                slow.cancel()
             self._behind = set(self._on_way)
         for page in self._behind.intersection(self._free()):
             self._on_way[page] += 1

@@ -87,7 +87,7 @@ export function mount(root, link, options) {
   on("connected", () => {
     state.connected = true;
     root.classList.remove("lost");
-    tell("");
+    tell("connected; the first picture is on its way");
     send({ kind: "open" });
   });
   on("lost", ({ text }) => {
@@ -99,7 +99,9 @@ export function mount(root, link, options) {
     state.refused.push(text);
     tell(text, "refused");
   });
-  on("saved", ({ text }) => tell(text));
+  on("working", () => tell("working: kernels are compiled, or the picture takes its time"));
+  on("frame", () => status.classList.contains("note") && tell("", "idle"));
+  on("saved", ({ text }) => tell(text, "done"));
 
   const side = make("div", { className: "side" }, derivative(app), panel(app));
   if (options.page) side.prepend(fit(app));
