@@ -1,5 +1,6 @@
 """`pick`: the shape at a place of the picture, also in mirrors."""
 
+import drjit as dr
 import numpy as np
 import pytest
 from view_scene import TEXT
@@ -31,6 +32,13 @@ def test_front_of_a_sphere(scene):
     assert found.distance == pytest.approx(away - 0.4, rel=1e-6)
     expected = np.array([0, 0, 4]) + (1 - 0.4 / away) * np.array([0.6, 0, -3.5])
     np.testing.assert_allclose(found.point, expected, atol=1e-6)
+
+
+def test_gradients_of_a_scene_do_not_matter(scene):
+    values = scene.parameters("spheres.ball.center", "camera.position")
+    dr.enable_grad(values)
+    place = seen_at(scene, (0.6, 0, 0.5))
+    assert wt.pick(scene.replace(values), *place, through=True) == wt.pick(scene, *place)
 
 
 def test_background_is_nothing(scene):

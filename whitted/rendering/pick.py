@@ -69,7 +69,7 @@ def pick(
         is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
         if not (is_number and 0 <= value <= most):
             raise ValueError(f"{name}: expected pixels from 0 to {most}, got {value!r}")
-    with LOCK, dr.suspend_grad():
+    with LOCK:
         return _picked(scene, float(x), float(y), size, through)
 
 
@@ -77,7 +77,7 @@ def indices(scene: Scene, resolution: tuple[int, int]) -> Array:
     """UInt32: the number of the shape in each pixel's middle, row by row; NONE for none."""
     width, height = resolution
     parameters = _inputs(scene)
-    with LOCK, dr.suspend_grad():
+    with LOCK:
         return _indices(scene.structure, parameters, _size_of(scene, resolution), width * height)
 
 
