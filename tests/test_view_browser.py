@@ -5,6 +5,7 @@ import shutil
 import signal
 import time
 from base64 import b64encode
+from pathlib import Path
 
 import pytest
 from test_view_server import started
@@ -300,6 +301,34 @@ def test_broken_line_comes_back(page):
     page.rested()
     assert page.values()["spheres.ball.radius"] == [pytest.approx(0.3)]
     assert page.number("spheres.ball.radius").input_value() == "0.3"
+
+
+def test_server_that_fails_comes_back_with_its_numbers(chromium, tmp_path):
+    (tmp_path / "scene.toml").write_text(TEXT)
+    process, address = started(tmp_path / "scene.toml")
+    page = Page(chromium, address)
+    page.rested()
+    page.open("spheres.ball")
+    page.number("spheres.ball.radius").fill("0.3")
+    page.number("spheres.ball.radius").press("Enter")
+    page.until("whitted.shown.values['spheres.ball.radius']")
+    session = page.state("scene.session")
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    # Python's own helper of processes is one as well
+    servers = [
+        pid for pid in children if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    ]
+    (server,) = map(int, servers)
+    os.kill(server, signal.SIGABRT)
+    page.until("!whitted.connected")
+    page.until(f"whitted.connected && whitted.scene.session !== '{session}'")
+    page.until("whitted.shown.values['spheres.ball.radius'] && whitted.shown.undo")
+    page.tab.close()
+    assert page.errors == []
+    process.send_signal(signal.SIGINT)
+    told, errors = process.communicate(timeout=20)
+    assert told.splitlines()[-1] == "the server has ended (status -6); it is started again"
+    assert errors == ""
 
 
 def test_server_is_killed_and_started_again(chromium, folder):

@@ -356,6 +356,19 @@ def test_ports_that_the_system_refuses(monkeypatch, capsys, port, message):
     assert error.count("\n") == 1
 
 
+def test_server_that_ends_again_and_again(monkeypatch):
+    import os
+
+    from whitted.view import serve
+
+    monkeypatch.setattr(serve, "run", os._exit)
+    monkeypatch.setattr(serve, "TIMES", 1)
+    told = []
+    with pytest.raises(RuntimeError, match=r"ends again and again \(status 3\); what it has"):
+        serve._keep_up((3,), told.append)
+    assert told == ["the server has ended (status 3); it is started again"]
+
+
 @pytest.mark.parametrize("name", ["starlette", "uvicorn", "websockets"])
 def test_missing_library_is_named(monkeypatch, capsys, name):
     monkeypatch.setitem(sys.modules, name, None)

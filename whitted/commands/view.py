@@ -33,17 +33,14 @@ def view(
     """
     from .. import load_scene, read_image
     from ..view.serve import require_libraries, serve
-    from ..view.session import Session
+    from ..view.serving import Opening
     from ..view.targets import checked
 
     require_libraries()
     loaded = load_scene(scene)
     folder, name = (scene.parent, scene.name) if scene.is_file() else (Path(), f"{scene.stem}.toml")
-    session = Session(loaded, folder, name)
-    if target is not None:
-        session.set_target(checked(read_image(target), str(target)))
-
-    def tell(address: str) -> None:
-        typer.echo(f"the page is at {address}\nCtrl-C ends it")
-
-    serve(session, tell, port=port, browser=not no_browser, share=share)
+    picture = None if target is None else checked(read_image(target), str(target)).numpy()
+    opening = Opening(loaded, folder, name, picture, share)
+    # Find out here what is wrong with it
+    opening.session()
+    serve(opening, typer.echo, port=port, browser=not no_browser)

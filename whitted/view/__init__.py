@@ -3,7 +3,8 @@
     the page (static/*.js)                a browser, or a cell of a notebook
         |  ^   messages (messages.py)     {"kind": "drag", "x": 0.4, "y": 0.5, ...}
         v  |   frames and replies         pictures as JPEG, and the numbers that they show
-    server.py -- worker.py                a browser's: an event loop, and one thread that renders
+    server.py -- worker.py                a browser's: an event loop, and one thread that renders,
+                                          in a process that is started again (serve.py, serving.py)
     notebook.py                           a notebook's: the kernel's own thread
         |  ^
         v  |

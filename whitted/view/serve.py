@@ -1,72 +1,79 @@
-"""Starting the server: its port, its address, and the browser."""
+"""Starting the server: its port, its address, the browser, and the process that it runs in.
+
+Dr.Jit and LLVM end a process that they cannot go on with. So the server has a process of its own,
+which is started again, with the same address. The page comes back by itself, and tells the new
+server what had changed.
+"""
 
 import errno
+import multiprocessing
 import secrets
 import socket
 import threading
+import time
 import webbrowser
 from collections.abc import Callable
+from typing import Any
 
-from .session import Session
+from .serving import Opening, run
 
 HOST = "127.0.0.1"
 # Where it listens unless a port is given, or this one is taken
 PORT = 8750
-# Bytes of a message of a page
-LARGEST_MESSAGE = 1 << 16
+# A server that ends within so many seconds of its start is started again so many times
+SOON, TIMES = 30.0, 3
 
 
 def serve(
-    session: Session,
+    opening: Opening,
     tell: Callable[[str], None],
     *,
     port: int | None = None,
     browser: bool = True,
-    share: bool = False,
 ) -> None:
     """Serve a page on this machine until Ctrl-C.
 
     Args:
-        session: what the page shows.
-        tell: called with the address, once the server listens.
+        opening: what the page shows.
+        tell: called with a line for the user: the address, and later what has happened.
         port: from 1 to 65535 [default: 8750, or a free one where that is taken].
         browser: open the system's browser.
-        share: let several pages be open at once; they show the same scene.
 
     Raises:
-        RuntimeError: Starlette, uvicorn or websockets is missing.
+        RuntimeError: Starlette, uvicorn or websockets is missing; or the server ends again and
+            again.
         ValueError: the port is taken, or not for this user.
     """
     require_libraries()
-    import uvicorn
+    with _listening(port) as listening:
+        token, number = secrets.token_urlsafe(24), listening.getsockname()[1]
+        address = f"http://{HOST}:{number}/?token={token}"
+        tell(f"the page is at {address}\nCtrl-C ends it")
+        if browser:
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+        _keep_up((opening, listening, token), tell)
 
-    from .server import app_of
 
-    listening = _listening(port)
-    token, number = secrets.token_urlsafe(24), listening.getsockname()[1]
-    address = f"http://{HOST}:{number}/?token={token}"
-
-    class Server(uvicorn.Server):
-        async def startup(self, sockets: "list[socket.socket] | None" = None) -> None:
-            await super().startup(sockets)
-            if self.started:
-                tell(address)
-                if browser:
-                    threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
-
-    config = uvicorn.Config(
-        app_of(session, number, token, share),
-        log_level="warning",
-        access_log=False,
-        ws="websockets-sansio",
-        ws_max_size=LARGEST_MESSAGE,
-        # Pictures are compressed already
-        ws_per_message_deflate=False,
-        timeout_graceful_shutdown=2,
-        server_header=False,
-    )
-    with listening:
-        Server(config).run(sockets=[listening])
+def _keep_up(arguments: tuple[Any, ...], tell: Callable[[str], None]) -> None:
+    """Run the server, and again whenever it ends by itself."""
+    times = 0
+    while True:
+        process = multiprocessing.get_context("spawn").Process(target=run, args=arguments)
+        start = time.monotonic()
+        process.start()
+        try:
+            process.join()
+        finally:
+            # After Ctrl-C, which the terminal may or may not have sent to the server as well
+            process.terminate()
+            process.join()
+        times = times + 1 if time.monotonic() - start < SOON else 0
+        if times > TIMES:
+            raise RuntimeError(
+                f"the server ends again and again (status {process.exitcode}); "
+                "what it has printed above may tell why"
+            )
+        tell(f"the server has ended (status {process.exitcode}); it is started again")
 
 
 def require_libraries() -> None:
@@ -103,11 +110,8 @@ def _listening(port: int | None) -> socket.socket:
         except OSError as error:
             found.close()
             if port is not None:
-                why = (
-                    "is taken"
-                    if error.errno == errno.EADDRINUSE
-                    else f"is refused ({error.strerror})"
-                )
+                taken = error.errno == errno.EADDRINUSE
+                why = "is taken" if taken else f"is refused ({error.strerror})"
                 raise ValueError(
                     f"--port: {port} {why}; choose another, or leave --port out"
                 ) from None

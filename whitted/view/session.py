@@ -97,6 +97,7 @@ class Session:
         first, now = state.history.first.numbers, state.scene.numbers
         header: Reply = {
             "kind": "frame",
+            "session": state.born,
             "values": {name: list(now[name]) for name in state.sizes if now[name] != first[name]},
             "picked": state.picked,
             "lights": state.lights(),
@@ -144,6 +145,7 @@ class Session:
         scene = {
             "kind": "scene",
             "name": state.name,
+            "session": state.born,
             "groups": groups_of(state.history.first),
             "fitting": state.fitting is not None,
         }

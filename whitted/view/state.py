@@ -1,5 +1,6 @@
 """What there is to see: the scene as it is now, what is picked, and how pictures are made."""
 
+import secrets
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,8 @@ class State:
         Raises:
             ValueError: its pictures are too large to be looked at.
         """
+        # Tells a page that comes back whether it is another session
+        self.born = secrets.token_hex(8)
         self.scene = scene
         self.history = History(scene)
         self.folder, self.name = folder, name

@@ -74,12 +74,27 @@ export function mount(root, link, options) {
     status.className = `status ${kind}`;
   }
 
+  /** The scene is there. A server that was started again is told what had changed before. */
+  function opened(scene) {
+    const before = state.scene?.session !== scene.session && state.scene ? state.frame : null;
+    state.scene = scene;
+    if (!before) return;
+    for (const [name, value] of Object.entries(before.values)) send({ kind: "set", name, value });
+    send({ kind: "keep" });
+    send({ kind: "look", ...before.look });
+  }
+
   function receive(message) {
+    if (message.kind === "frame" && state.scene && message.session !== state.scene.session) {
+      // Of a new server, before it is known here
+      app.acknowledge();
+      return;
+    }
     if (message.kind === "frame") {
       state.frame = message;
       state.frames += 1;
     }
-    if (message.kind === "scene") state.scene = message;
+    if (message.kind === "scene") opened(message);
     for (const handler of handlers[message.kind] ?? []) handler(message);
     if (message.kind === "frame" || message.kind === "refused") arrived();
   }
