@@ -199,6 +199,10 @@ def test_lamp_camera_and_filter(page):
     page.drag((0.5, 0.5), (0.6, 0.5), button="right")
     page.until("whitted.shown.values['camera.position']")
     assert page.values()["camera.position"][0] < 0
+    page.open("discs.mirror")
+    page.until("whitted.shown.picked === 'discs.mirror'")
+    page.tab.locator(".cover").press("Escape")
+    page.until("whitted.shown.picked === null")
     shown = "details.group:visible"
     everything = page.tab.locator(shown).count()
     page.tab.locator(".filter").fill("mirror ref")

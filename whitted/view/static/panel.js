@@ -4,6 +4,8 @@ import { make, short } from "./dom.js";
 
 const AXES = ["x", "y", "z"];
 const CHANNELS = ["red", "green", "blue"];
+// Things that can be picked
+const PLACED = /^(spheres|discs|planes|lights)\./;
 const COLORS = ["color", "intensity", "irradiance", "background", "ambient"];
 
 export function panel(app) {
@@ -43,13 +45,16 @@ function startOf(scene) {
 
 /** One thing of the scene. Its rows are made when it is opened, as there may be thousands. */
 function groupOf(app, { name, parameters }) {
-  const title = make("summary", {}, name);
+  const title = make("summary", { onclick: () => pick() }, name);
   const body = make("div");
   const element = make("details", { className: "group", ontoggle: () => open() }, title, body);
   element.dataset.name = name;
   let rows = [];
   let picked = false;
 
+  function pick() {
+    if (!element.open && PLACED.test(name)) app.send({ kind: "select", name });
+  }
   function open() {
     if (!element.open || rows.length) return;
     rows = parameters.map((parameter) => rowOf(app, parameter));
