@@ -17,7 +17,8 @@ export function fit(app) {
   }, "the picture now");
   const none = make("button", { onclick: () => app.send({ kind: "target", source: "none" }) }, "none");
   const picture = make("img", { className: "target", alt: "the target", hidden: true });
-  const difference = make("canvas", { className: "difference", hidden: true, title: "picture - target" });
+  const difference = make("canvas", { className: "difference", hidden: true });
+  const caption = make("p", { className: "caption", hidden: true });
   const curve = make("canvas", { className: "curve", width: 300, height: 90, hidden: true });
   const start = make("button", { className: "start", onclick: () => begin() }, "start");
   const stop = make("button", { className: "stop", onclick: () => app.send({ kind: "stop" }), disabled: true }, "stop");
@@ -43,10 +44,14 @@ export function fit(app) {
   app.on("scene", (scene) => running(scene.fitting));
   app.on("target", ({ size, picture: data }) => {
     app.state.target = size;
-    picture.hidden = difference.hidden = !size;
+    picture.hidden = difference.hidden = caption.hidden = !size;
     if (size) picture.src = `data:image/jpeg;base64,${data}`;
   });
-  app.on("frame", ({ blobs }) => blobs.difference && draw(difference, blobs.difference));
+  app.on("frame", ({ blobs, scales }) => {
+    if (!blobs.difference) return;
+    draw(difference, blobs.difference);
+    caption.textContent = `picture - target; colours end at ${scales.difference.toPrecision(2)}`;
+  });
   app.on("fitting", () => {
     losses = [];
     running(true);
@@ -77,6 +82,7 @@ export function fit(app) {
   return make("section", { className: "fit" }, make("h2", {}, "Fit"),
     make("div", {}, "target: ", file, " ", now, " ", none),
     make("div", { className: "thumbs" }, picture, difference),
+    caption,
     names, make("div", {}, start, " ", stop), told, curve, table);
 }
 
