@@ -1,6 +1,7 @@
 """Fits of a page: in a process of their own, stopped, killed, and refused."""
 
 import base64
+import pickle
 import queue
 
 import numpy as np
@@ -9,6 +10,7 @@ from drjit.llvm.ad import TensorXf
 from view_scene import TEXT
 
 import whitted as wt
+from whitted.view.serving import Opening
 from whitted.view.session import Session
 
 CENTER = "spheres.ball.center"
@@ -138,3 +140,20 @@ def test_target_sets_the_size_of_pictures(session):
     session.handle(look.model_dump())
     say(session, "rest")
     assert "difference" not in session.frame()[1]
+
+
+def test_target_of_the_command_is_there_from_the_start(tmp_path):
+    """What the command opens is sent to the server's process."""
+    scene = wt.parse_scene(TEXT)
+    image = wt.render(scene, resolution=(30, 20)).numpy()
+    opening = pickle.loads(pickle.dumps(Opening(scene, tmp_path, "a.toml", image)))
+    session = opening.session()
+    assert [reply["kind"] for reply in say(session, "open")] == ["scene", "target"]
+    np.testing.assert_array_equal(session.state.target.numpy(), image)
+    say(session, "rest")
+    header, shown = session.frame()
+    assert "difference" in shown
+    assert header["look"]["size"] == [30, 20]
+    # The comments of the file have come along
+    say(session, "save", name="b.toml")
+    assert "# before the mirror" in (tmp_path / "b.toml").read_text()
