@@ -22,6 +22,7 @@ NAMES = {
         "(name, *, color=(0, 0, 0), specular=0, shininess=50, reflection=0, refraction=0, ior=1.5, "
         "shadow=1, fresnel=False, checker=None)"
     ),
+    "Pick": "(name, point, distance)",
     "Plane": "(name=None, *, normal, offset, material)",
     "PointLight": "(name=None, *, position, intensity, falloff='none')",
     "Scene": (
@@ -44,6 +45,7 @@ NAMES = {
     ),
     "load_scene": "(path, precision='single')",
     "parse_scene": "(text, precision='single')",
+    "pick": "(scene, x, y, *, through=False, resolution=None)",
     "read_image": "(path, layer=None)",
     "render": (
         "(scene, spp=1, *, error=None, boundary=None, terms='both', max_depth=None, "
@@ -55,6 +57,7 @@ NAMES = {
         "(scene, parameters, spp=1, *, error=None, boundary=None, terms='both', max_depth=None, "
         "resolution=None, progress=None)"
     ),
+    "view": "(scene)",
     "write_image": "(path, image, metadata=None)",
 }
 # Attributes and methods of what users hold

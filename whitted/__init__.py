@@ -16,6 +16,7 @@ __all__ = [
     "Disc",
     "FitResult",
     "Material",
+    "Pick",
     "Plane",
     "PointLight",
     "Scene",
@@ -27,11 +28,13 @@ __all__ = [
     "gradient",
     "load_scene",
     "parse_scene",
+    "pick",
     "read_image",
     "render",
     "show",
     "to_srgb",
     "torch_render",
+    "view",
     "write_image",
 ]
 
@@ -60,6 +63,7 @@ else:
     from .rendering.api import render
     from .rendering.gradient import gradient
     from .rendering.notebook import show_in_notebooks
+    from .rendering.pick import Pick, pick
     from .scene.files import load_scene, parse_scene
     from .scene.interchange import from_mitsuba
     from .scene.scene import Scene
@@ -76,5 +80,6 @@ else:
         Sphere,
     )
     from .torch import torch_render
+    from .view.notebook import view
 
     show_in_notebooks()

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from typer.exceptions import TyperException
 
-from .commands import chart, fit, gradient, info, params, render, stress
+from .commands import chart, fit, gradient, info, params, render, stress, view
 from .commands.once import OnceCommand
 
 app = typer.Typer(
@@ -54,6 +54,7 @@ for module, command in (
     (gradient, gradient.gradient),
     (params, params.params),
     (fit, fit.fit),
+    (view, view.view),
     (chart, chart.chart),
     (stress, stress.stress),
     (info, info.info),
