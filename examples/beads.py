@@ -7,7 +7,7 @@ from drjit.opt import Adam
 
 import whitted as wt
 
-COUNT, RADIUS = 300, 0.05
+COUNT, RADIUS, SPP = 300, 0.05, 4
 NAME = "clouds.beads.center"
 
 
@@ -43,16 +43,16 @@ def apart(scene: wt.Scene, center: np.ndarray) -> float:
 
 
 if __name__ == "__main__":
-    asked = arguments(__doc__)
+    asked = arguments(__doc__, size=96)
     rng = np.random.default_rng(0)
     truth = places(COUNT, rng)
-    target = wt.render(scene_of(truth, asked.size))
+    target = wt.render(scene_of(truth, asked.size), SPP)
     start = scene_of(truth + rng.normal(0, 0.2 * RADIUS, truth.shape), asked.size)
     optimiser, scene = Adam(lr=0.004, params=start.parameters(NAME)), start
-    for step in range(40):
-        optimiser.set_learning_rate(0.004 * 0.92**step)
+    for step in range(20):
+        optimiser.set_learning_rate(0.004 * 0.85**step)
         scene = start.replace(optimiser)
-        loss = dr.mean(dr.abs(wt.render(scene) - target), axis=None)
+        loss = dr.mean(dr.abs(wt.render(scene, SPP) - target), axis=None)
         dr.backward(loss)
         optimiser.step()
     print(f"median distance of {COUNT} beads from their true places, in radii:")

@@ -15,10 +15,10 @@ HERE = Path(__file__).parent
 SCENES = HERE.parent / "scenes"
 
 
-def arguments(description: str) -> argparse.Namespace:
+def arguments(description: str, size: int = 192) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument(
-        "--size", type=int, default=192, help="pixels along a side of the square pictures"
+        "--size", type=int, default=size, help="pixels along a side of the square pictures"
     )
     parser.add_argument(
         "-o", "--output", type=Path, default=Path("out"), help="folder for pictures"

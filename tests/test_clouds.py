@@ -586,3 +586,16 @@ def test_numbers_of_spheres_begin_above_all_others():
     _, index = hits(scene, np.array([[0.0, 0, 5]] * 2), np.array([[0.0, 0, -1], [0, 0, 1]]))
     assert index[1] == NONE
     assert index[0] >= FIRST or index[0] == 0
+
+
+def test_pick_tells_the_sphere_of_a_cloud():
+    spheres = np.array([[0, 0, 0, 0.5], [5, 0, 0, 0.5]])
+    found = wt.pick(matte_cloud(spheres, camera=camera((0, 0, 4))), 12, 12)
+    assert (found.name, found.sphere) == ("clouds.beads", 0)
+    assert found.point == pytest.approx((0, 0, 0.5), abs=1e-6)
+    single = [wt.Sphere(center=(0, 0, -k), radius=0.5, material=MATTE) for k in range(40)]
+    many = matte_cloud([], clouds=[], planes=[], spheres=single, camera=camera((0, 0, 4)))
+    found = wt.pick(many, 12, 12)
+    assert (found.name, found.sphere) == ("spheres.sphere0", None)
+    assert many.owner_of(many.number_of("spheres.sphere20")) == ("spheres.sphere20", None)
+    assert many.number_of("spheres.nobody") is None

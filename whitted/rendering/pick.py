@@ -29,7 +29,8 @@ PASSES = 0.5
 class Pick:
     """What is seen at a place of the picture."""
 
-    name: str  #: of the shape, such as "spheres.ball"
+    name: str  #: of the shape, such as "spheres.ball", or of the cloud
+    sphere: int | None  #: the number of the sphere in a cloud
     point: tuple[float, float, float]  #: where it is met
     distance: float  #: of that point from the camera, along the rays that lead there
 
@@ -74,7 +75,10 @@ def pick(
 
 
 def indices(scene: Scene, resolution: tuple[int, int]) -> Array:
-    """UInt32: the number of the shape in each pixel's middle, row by row; NONE for none."""
+    """UInt32: the number of the shape in each pixel's middle, row by row; NONE for none.
+
+    Numbers are those of `Scene.number_of`.
+    """
     width, height = resolution
     parameters = _inputs(scene)
     with LOCK:
@@ -108,16 +112,15 @@ def _picked(scene: Scene, x: float, y: float, size: tuple[int, int], through: bo
         node = children[int(np.argmax(weights))][1]
     if number == NONE:
         return None
-    shape = scene.shapes[number]
     point = (float(p.x[0]), float(p.y[0]), float(p.z[0]))
-    return Pick(f"{shape.group}.{shape.name}", point, distance)
+    return Pick(*scene.owner_of(number), point, distance)
 
 
 @frozen
 def _first(structure: Structure, parameters: Parameters, size: Array, x: Array, y: Array) -> Node:
     """The node of the camera's ray through a place."""
-    _, frame = prepare(structure, parameters, size)
-    return Node.first(image_ray(frame, size, x, y))
+    scene, frame = prepare(structure, parameters, size)
+    return Node.first(scene, image_ray(frame, size, x, y))
 
 
 @frozen

@@ -14,7 +14,7 @@ from ..core.parameter import Numbers, parameters_of
 from ..core.pytree import put_together, take_apart
 from ..lights import Light
 from ..shapes import SHAPES, Shape
-from ..shapes.many import ManySpheres
+from ..shapes.many import FIRST, ManySpheres
 from ..shapes.places import PlacesOfMany
 from ..shapes.sets import sets_of
 from .camera import Camera
@@ -169,6 +169,25 @@ class Contents(Surroundings):
         """The shapes that are code of their own in kernels."""
         found = {source.name for source in self.sources}
         return tuple(x for x in self.shapes if f"{x.group}.{x.name}" not in found)
+
+    def number_of(self, name: str) -> int | None:
+        """The number in kernels of a shape of this name; None for a cloud, and for none."""
+        for number, shape in enumerate(self.singles):
+            if name == f"{shape.group}.{shape.name}":
+                return number
+        for source in self.sources:
+            if name == source.name and not source.is_cloud:
+                return FIRST + source.first
+        return None
+
+    def owner_of(self, number: int) -> tuple[str, int | None]:
+        """The name of the shape of a number in kernels; of a cloud, with the place in it."""
+        if number < FIRST:
+            shape = self.singles[number]
+            return f"{shape.group}.{shape.name}", None
+        place = number - FIRST
+        source = next(own for own in self.sources if place < own.rows.stop)
+        return source.name, place - source.first if source.is_cloud else None
 
     @cached_property
     def tree(self) -> Many:

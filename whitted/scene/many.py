@@ -42,6 +42,10 @@ class Source:
     count: int
 
     @property
+    def is_cloud(self) -> bool:
+        return self.name.startswith("clouds.")
+
+    @property
     def rows(self) -> slice:
         return slice(self.first, self.first + self.count)
 
@@ -87,7 +91,7 @@ def many_of(scene: "Contents", before: Many | None) -> Many:
 def _numbers_of(scene: "Contents") -> np.ndarray:
     """(N, 4): the centers and radii of all spheres of the tree."""
     numbers = scene.numbers
-    if all(source.name.startswith("spheres.") for source in scene.sources):
+    if not any(source.is_cloud for source in scene.sources):
         rows: Any = [
             (*numbers[f"{source.name}.center"], *numbers[f"{source.name}.radius"])
             for source in scene.sources

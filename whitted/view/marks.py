@@ -21,7 +21,7 @@ def outline(scene: Scene, resolution: tuple[int, int], number: int) -> Array:
     """The outline of a shape as it is seen: UInt32 for each pixel, row by row, OUTLINE or 0.
 
     Args:
-        number: of the shape, in `scene.shapes`.
+        number: of the shape, as of `Scene.number_of`.
     """
     found, size = indices(scene, resolution), _numbers(*resolution)
     with LOCK:

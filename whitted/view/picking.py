@@ -27,6 +27,7 @@ def picked_at(scene: Scene, asked: messages.Grab, look: messages.Look) -> tuple[
         return asked.name, max(mouse.projected(view, place)[2], 0.0)
     place_in_pixels = asked.x * width, asked.y * height
     found = pick(scene, *place_in_pixels, through=asked.through, resolution=(width, height))
-    if found is None:
+    # The spheres of a cloud stay where they are
+    if found is None or found.sphere is not None:
         return None, 0.0
     return found.name, abs(float((np.array(found.point) - view.eye) @ view.forward))

@@ -19,11 +19,11 @@ def groups_of(scene: Scene) -> list[dict[str, Any]]:
     Returns:
         Dictionaries for JSON: "name" of the thing, and "parameters", each with its whole "name",
         its "field", its "value" (one number or three), and the "low", "high" and "step" of its
-        slider. A parameter of any other width is left out.
+        slider. Those of clouds are left out.
     """
     found: dict[str, list[dict[str, Any]]] = {}
-    for name, value in scene.numbers.items():
-        if len(value) == scene.locations[name].entry.size:
+    for name, where in scene.locations.items():
+        if not where.entry.many:
             thing, field = _parted(name)
             found.setdefault(thing, []).append({"field": field, **_slider(scene, name)})
     things = sorted(found, key=_order)
@@ -35,7 +35,7 @@ def sizes_of(scene: Scene) -> dict[str, int]:
     return {
         name: len(value)
         for name, value in scene.numbers.items()
-        if len(value) == scene.locations[name].entry.size
+        if not scene.locations[name].entry.many
     }
 
 

@@ -87,11 +87,10 @@ class State:
 
     def wanted(self) -> Wanted:
         """What the next frame shows; while the mouse moves something, without the difference."""
-        numbers = {f"{own.group}.{own.name}": k for k, own in enumerate(self.scene.shapes)}
         target = self.target if self.fitting is not None or not self.moving else None
         if target is not None and list(target.shape[1::-1]) != self.look.size:
             target = None
-        picked = numbers.get(self.picked or "")
+        picked = self.scene.number_of(self.picked or "")
         return Wanted(self.scene, self.look, picked, self.asked, self.moving, target)
 
     def lights(self) -> list[dict[str, Any]]:
