@@ -1,18 +1,23 @@
 """The order of a fit: several starts at the coarsest resolution, then one resolution after another.
 
+Where a descent ends and the pictures are not explained, further tries follow (`explore.py`).
+
 A picture at half the resolution is blurred by a pixel twice as wide. An edge acts from twice as far
 in it. So a coarse fit finds what a fine one would miss, and a fine one tells what a coarse one
 cannot.
 """
 
 import math
+import time
 from dataclasses import dataclass
 
 import numpy as np
 
 from .adam import adam
+from .explore import Explorer
 from .levenberg_marquardt import levenberg_marquardt
 from .loss import Objective
+from .quality import assess
 from .search import Search
 
 DESCENTS = {"lm": levenberg_marquardt, "adam": adam}
@@ -29,6 +34,8 @@ ITERATIONS = {"lm": 40, "adam": 200}
 SPREAD = 4.0
 # Iterations by which starts are compared
 TRIALS = 8
+# Further tries at a coarse resolution leave a part of the budget to finer ones
+SHARE = 0.6
 
 
 @dataclass(frozen=True)
@@ -40,6 +47,7 @@ class Plan:
     levels: int | None  # resolutions, each half the next
     starts: int
     seed: int
+    budget: float | None = None  # seconds for further tries; None: no further ones
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -51,6 +59,14 @@ class Plan:
                 raise ValueError(f"{name}: expected a whole number from 1 on, got {value!r}")
         if not isinstance(self.seed, (int, np.integer)) or self.seed < 0:
             raise ValueError(f"seed: expected a whole number from 0 on, got {self.seed!r}")
+        seconds = self.budget
+        if seconds is not None and not (
+            isinstance(seconds, (int, float)) and 0 < seconds < math.inf
+        ):
+            raise ValueError(
+                "budget: expected a number of seconds > 0, or None for a single try, "
+                f"got {seconds!r}"
+            )
 
 
 def coarse_to_fine(
@@ -74,8 +90,15 @@ def coarse_to_fine(
             end, _ = descend(search, pyramid[0], start, TRIALS, 0)
             ends.append((pyramid[0].loss(end), end))
         x = min(ends, key=lambda pair: pair[0])[1]
-    for level, one in enumerate(pyramid):
-        x, stopped = descend(search, one, x, iterations, len(pyramid) - 1 - level)
+    seconds, begin, random = plan.budget or 0.0, x, np.random.default_rng(plan.seed)
+    for k, one in enumerate(pyramid):
+        level = len(pyramid) - 1 - k
+        x, stopped = descend(search, one, x, iterations, level)
+        if seconds > 0 and not assess(one, x).explained:
+            since = time.monotonic()
+            explorer = Explorer(search, one, descend, iterations, level, begin, random)
+            x = explorer.run(x, seconds * SHARE if level else seconds)
+            seconds -= time.monotonic() - since
     return x, stopped
 
 

@@ -23,11 +23,14 @@ from .bounds import Bounds, bounds_of, scales_of, start_of
 from .coarse_to_fine import Plan, coarse_to_fine
 from .convergence import Iteration, plot, progress_bar
 from .loss import Objective, split
+from .quality import Quality, assess
 from .search import Search
 from .views import views_of
 
 # Why a fit stopped, after Ctrl-C
 INTERRUPTED = "interrupted"
+# For further tries
+SECONDS = 30.0
 # Numbers that a result shows, at most
 LINES = 16
 
@@ -43,8 +46,9 @@ class FitResult:
     covariance: np.ndarray  #: of all numbers, in the order of `labels`
     labels: list[str]  #: of the numbers, such as "spheres.ball.center.x"
     loss: float  #: half the mean square of the residuals, at the full resolution
+    quality: Quality  #: whether the pictures explain the targets
     gains: np.ndarray  #: of each channel of each view, of shape (views, 3)
-    #: the start at each resolution and each iteration, with its numbers and its loss
+    #: the start at each resolution and of each try, and each iteration, with numbers and loss
     history: list[Iteration]
     stopped: str  #: why
     notes: list[str] = field(default_factory=list)  #: what is noteworthy, in words
@@ -73,7 +77,7 @@ class FitResult:
 
     def __repr__(self) -> str:
         lines = [f"{label:32} {value:.7g} +- {sd:.2g}" for label, value, sd in self.numbers()]
-        return "\n".join([f"FitResult: {self.summary()}", *_first(lines)])
+        return "\n".join([f"FitResult: {self.summary()}", str(self.quality), *_first(lines)])
 
     def _repr_html_(self) -> str:
         """The numbers and a picture of the recovered scene, for notebooks."""
@@ -86,7 +90,8 @@ class FitResult:
         ]
         encoded = b64encode(picture(self.scene)).decode()
         return (
-            f"<p>FitResult: {escape(self.summary())}</p><table><tr><th>parameter</th><th>value</th>"
+            f"<p>FitResult: {escape(self.summary())}<br>{escape(str(self.quality))}</p>"
+            "<table><tr><th>parameter</th><th>value</th>"
             f"<th>standard deviation</th></tr>{''.join(_first(rows))}</table>"
             f'<img alt="the recovered scene" src="data:image/png;base64,{encoded}">'
         )
@@ -121,6 +126,7 @@ def fit(
     levels: int | None = None,
     starts: int = 1,
     seed: int = 0,
+    budget: float | None = SECONDS,
     bounds: Bounds | None = None,
     mask: object = None,
     gain: bool = False,
@@ -148,7 +154,9 @@ def fit(
         starts: number of starts. The first is the scene's. The others are drawn at random within
             the bounds, or around the first where those are open. All are tried at the coarsest
             resolution, and the best goes on.
-        seed: of that draw.
+        seed: of that draw, and of further tries.
+        budget: seconds for further tries, where the pictures do not explain the target: numbers are
+            moved at random, and the best moves go downhill. None: no further tries.
         bounds: name to (lowest, highest), None where open [default: what is legal; for an index of
             refraction at least 1].
         mask: what each pixel counts for, >= 0, or whether it counts, of shape (height, width).
@@ -161,8 +169,9 @@ def fit(
         callback: called after each iteration.
 
     Returns:
-        The result. Ctrl-C ends the fit and gives the best so far, and `stopped` says "interrupted";
-        a second one, while that result is being made, raises `KeyboardInterrupt`.
+        The result; `quality` says whether it explains the target. Ctrl-C ends the fit and gives the
+        best so far, and `stopped` says "interrupted"; a second one, while that result is being
+        made, raises `KeyboardInterrupt`.
 
     Raises:
         TypeError: neither a scene nor views, but the name of a scene, say.
@@ -178,7 +187,7 @@ def fit(
     if callable(progress):
         raise ValueError("progress: expected True or False; give a function as callback")
     given = _names(wrt)
-    plan = Plan(method, iterations, levels, starts, seed)
+    plan = Plan(method, iterations, levels, starts, seed, budget)
     views = views_of(scene, target, mask, resolution)
     first = views[0].scene
     names = list(first.parameters(*given))
@@ -226,10 +235,15 @@ def _names(wrt: Sequence[str]) -> list[str]:
 
 def _warn_of_unseen(search: Search, result: FitResult) -> None:
     """Name the parameters on which no picture depended."""
-    for k in np.flatnonzero(~search.has_slope & np.isinf(result.covariance.diagonal())):
+    for k in _unseen(search, result.covariance):
         message = f"fit: the pictures do not depend on {search.labels[k]}; it stays as it was"
         # Where `fit` was called: its frames begin with those of `holding`
         warnings.warn(message, UserWarning, stacklevel=6)
+
+
+def _unseen(search: Search, covariance: np.ndarray) -> np.ndarray:
+    """Which numbers have changed no picture."""
+    return np.flatnonzero(~search.has_slope & np.isinf(covariance.diagonal()))
 
 
 def _result(search: Search, objective: Objective, x: np.ndarray, stopped: str) -> FitResult:
@@ -238,6 +252,7 @@ def _result(search: Search, objective: Objective, x: np.ndarray, stopped: str) -
         search.history.append(Iteration(0, objective.views[0].resolution, loss, x.copy()))
     covariance = _covariance(objective, loss, curvature)
     parameters = objective.parameters(x)
+    unseen = [search.labels[k] for k in _unseen(search, covariance)]
     return FitResult(
         scene=objective.views[0].scene.replace(parameters),
         parameters=parameters,
@@ -245,6 +260,7 @@ def _result(search: Search, objective: Objective, x: np.ndarray, stopped: str) -
         covariance=covariance,
         labels=search.labels,
         loss=loss,
+        quality=assess(objective, x, unseen),
         gains=objective.gains(x),
         history=search.history,
         stopped=stopped,

@@ -1,6 +1,6 @@
 """How far images are from their targets, and the derivatives of that by a scene's parameters."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -68,6 +68,32 @@ class Objective:
     def gains(self, x: np.ndarray) -> np.ndarray:
         """The factor of each channel, shape (views, 3)."""
         return np.array([self._residual(view, image)[1] for view, image in self._images(x)])
+
+    def residuals(self, x: np.ndarray) -> list[np.ndarray]:
+        """Each view's residual, shape (height, width, 3), as far as its pixels count.
+
+        Among pixels that count for different amounts, those that count for most have all of it.
+        """
+        parts = (
+            (view, self._residual(view, image.astype(float))[0]) for view, image in self._images(x)
+        )
+        return [residual * np.sqrt(view.weight / view.weight.max()) for view, residual in parts]
+
+    def sampling_errors(self, x: np.ndarray, left: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """What plain samples, as many as the fit's, would change in each view's residual.
+
+        Where the fit has plain samples itself, its pictures are held against such with four times
+        as many.
+
+        Args:
+            left: the residuals.
+        """
+        plain = {**self.options, "boundary": False}
+        if self.options["boundary"]:
+            others = replace(self, options=plain).residuals(x)
+        else:
+            others = replace(self, options={**plain, "spp": 4 * self.options["spp"]}).residuals(x)
+        return [other - own for other, own in zip(others, left, strict=True)]
 
     def _residual(self, view: View, image: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """The residual, the best gain of each channel, and the weighted sum of squares.

@@ -1,0 +1,114 @@
+"""Further tries, where a descent has ended in a minimum that does not explain the pictures.
+
+Numbers are moved at random: those of one parameter, of one object, or all. Many moves are compared
+by pictures of plain samples, which are cheap. The best ones go downhill; a move that ends lower
+than all before is where the next moves start.
+
+Source: D. Wales, J. Doye, "Global Optimization by Basin-Hopping" (1997).
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .loss import Objective
+from .quality import assess
+from .search import Search
+
+Descent = Callable[[Search, Objective, np.ndarray, int, int], tuple[np.ndarray, str]]
+
+# Moves that are compared in each round, how many of them go downhill, and for how many iterations
+MOVES, BEST, TRIALS = 150, 4, 8
+# A move is a normal number times a scale times a power of two, of an exponent in this range
+EXPONENTS = -2.5, 2.0
+# A minimum is another one if some number differs by so much, in units of its scale
+DISTINCT = 0.05
+
+
+@dataclass
+class Explorer:
+    """Moves from minimum to minimum, at one resolution."""
+
+    search: Search
+    objective: Objective
+    descend: Descent
+    iterations: int
+    level: int
+    start: np.ndarray  # where the whole fit began
+    random: np.random.Generator
+
+    def __post_init__(self) -> None:
+        self.plain = replace(self.objective, options={**self.objective.options, "boundary": False})
+        self.groups = groups_of(self.search.labels)
+
+    def run(self, x: np.ndarray, seconds: float) -> np.ndarray:
+        """The best numbers found, from a minimum on; ends early if they explain the pictures."""
+        end = time.monotonic() + seconds
+        best = self.objective.loss(x), x
+        while time.monotonic() < end:
+            better = self._round(best, end)
+            if better is not None:
+                best = better
+                if assess(self.objective, best[1]).explained:
+                    break
+        # The history goes on from the best, not from the last try
+        self.search.record(self.objective, *best)
+        return best[1]
+
+    def _round(self, best: tuple[float, np.ndarray], end: float) -> tuple[float, np.ndarray] | None:
+        """A minimum that is lower than the best, if some of the moves lead to one."""
+        found = best
+        for start in self._promising(best[1]):
+            if time.monotonic() > end:
+                break
+            self.search.attempt += 1
+            x, _ = self.descend(self.search, self.objective, start, TRIALS, self.level)
+            loss = self.objective.loss(x)
+            if loss < found[0]:
+                found = loss, x
+        if found is best:
+            return None
+        x, _ = self.descend(self.search, self.objective, found[1], self.iterations, self.level)
+        return self.objective.loss(x), x
+
+    def _promising(self, x: np.ndarray) -> list[np.ndarray]:
+        """The best of many moves, of which no two moved the same numbers."""
+        chosen: dict[bytes, tuple[float, np.ndarray]] = {}
+        for _ in range(MOVES):
+            which, moved = self._move(x)
+            loss = self.plain.loss(moved)
+            key = which.tobytes()
+            if key not in chosen or loss < chosen[key][0]:
+                chosen[key] = loss, moved
+        ordered = sorted(chosen.values(), key=lambda pair: pair[0])
+        return [moved for _, moved in ordered[:BEST]]
+
+    def _move(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Which numbers are moved, and all numbers after that."""
+        which = self.groups[self.random.integers(len(self.groups))]
+        size = self.search.scale * 2.0 ** self.random.uniform(*EXPONENTS)
+        step = self.random.normal(size=len(x)) * size
+        # Sometimes back to where the fit began, as a minimum may be far off
+        base = self.start if self.random.random() < 0.3 else x
+        moved = np.where(which, base + step, x)
+        return which, np.clip(moved, self.search.low, self.search.high)
+
+
+def groups_of(labels: list[str]) -> list[np.ndarray]:
+    """Sets of numbers that are moved together, as masks: each parameter, each object, and all."""
+    parameters = [_stem(label) for label in labels]
+    objects = [name.rpartition(".")[0] for name in parameters]
+    masks = {}
+    for keys in (parameters, objects, ["all"] * len(labels)):
+        for key in dict.fromkeys(keys):
+            mask = np.array([other == key for other in keys])
+            masks[mask.tobytes()] = mask
+    return list(masks.values())
+
+
+def _stem(label: str) -> str:
+    """The parameter of a number."""
+    stem, _, last = label.rpartition(".")
+    return stem if last in ("x", "y", "z") else label
