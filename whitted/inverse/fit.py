@@ -25,6 +25,7 @@ from .convergence import Iteration, plot, progress_bar
 from .loss import Objective, split
 from .quality import Quality, assess
 from .search import Search
+from .uncertainty import uncertainty
 from .views import views_of
 
 # Why a fit stopped, after Ctrl-C
@@ -247,38 +248,21 @@ def _unseen(search: Search, covariance: np.ndarray) -> np.ndarray:
 
 
 def _result(search: Search, objective: Objective, x: np.ndarray, stopped: str) -> FitResult:
-    loss, _, curvature = objective.normal_equations(x)
+    known, loss = uncertainty(objective, x, search.scale), objective.loss(x)
     if not search.history:
         search.history.append(Iteration(0, objective.views[0].resolution, loss, x.copy()))
-    covariance = _covariance(objective, loss, curvature)
     parameters = objective.parameters(x)
-    unseen = [search.labels[k] for k in _unseen(search, covariance)]
+    unseen = [search.labels[k] for k in _unseen(search, known.covariance)]
     return FitResult(
         scene=objective.views[0].scene.replace(parameters),
         parameters=parameters,
-        uncertainty=objective.parameters(np.sqrt(covariance.diagonal())),
-        covariance=covariance,
+        uncertainty=objective.parameters(np.sqrt(known.covariance.diagonal())),
+        covariance=known.covariance,
         labels=search.labels,
         loss=loss,
-        quality=assess(objective, x, unseen),
+        quality=assess(objective, x, unseen, known.weak),
         gains=objective.gains(x),
         history=search.history,
         stopped=stopped,
         notes=search.notes,
     )
-
-
-def _covariance(objective: Objective, loss: float, curvature: np.ndarray) -> np.ndarray:
-    """Gauss and Newton's estimate: the variance of a residual times the inverse of J'J.
-
-    It is infinite where J is 0. What is left of the residual is taken for noise, which is as strong
-    in all channels of all pixels, and independent.
-    """
-    total = objective.total
-    variance = 2 * loss * total / max(1.0, total - objective.count)
-    covariance = np.diag(np.full(len(curvature), np.inf))
-    seen = np.flatnonzero(curvature.diagonal() > 0)
-    unit = 1 / np.sqrt(curvature.diagonal()[seen])
-    inverse = np.linalg.pinv(curvature[np.ix_(seen, seen)] * np.outer(unit, unit), hermitian=True)
-    covariance[np.ix_(seen, seen)] = variance / total * inverse * np.outer(unit, unit)
-    return covariance

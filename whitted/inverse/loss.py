@@ -131,16 +131,23 @@ class Objective:
         The approximation is Gauss and Newton's.
         """
         loss, slope, curvature = 0.0, np.zeros(self.count), np.zeros((self.count, self.count))
-        for view in self.views:
-            image, columns = self._jacobian(view, x)
-            residual, gain, part = self._residual(view, image)
-            columns = [self._with_gain(view, image, column, gain) for column in columns]
-            jacobian = np.stack(columns, -1)
+        for view, residual, jacobian in self.linearised(x):
             weighted = (view.weight[..., None] * jacobian).reshape(-1, self.count)
-            loss += part / 2
+            loss += float(np.vdot(view.weight * residual, residual)) / 2
             slope += residual.ravel() @ weighted
             curvature += jacobian.reshape(-1, self.count).T @ weighted
         return loss / self.total, slope / self.total, curvature / self.total
+
+    def linearised(self, x: np.ndarray) -> Iterator[tuple[View, np.ndarray, np.ndarray]]:
+        """Each view, its residual, and the derivative of that by each number along a fourth axis.
+
+        The residual has the shape (height, width, 3).
+        """
+        for view in self.views:
+            image, columns = self._jacobian(view, x)
+            residual, gain, _ = self._residual(view, image)
+            columns = [self._with_gain(view, image, column, gain) for column in columns]
+            yield view, residual, np.stack(columns, -1)
 
     def _with_gain(
         self, view: View, image: np.ndarray, column: np.ndarray, gain: np.ndarray

@@ -50,6 +50,7 @@ class Quality:
     sampling: float  #: error of finitely many samples in what is left, in radiance
     structured: float  #: what neither of them accounts for, in radiance
     unseen: tuple[str, ...] = ()  #: labels of the numbers on which no picture depends
+    weak: tuple[str, ...] = ()  #: directions along which the pictures hardly change
 
     def __str__(self) -> str:
         left = f"noise {self.noise:.2g}, sampling {self.sampling:.2g}"
@@ -57,6 +58,7 @@ class Quality:
             left += f", structure {self.structured:.2g}"
         words = [f"{self.verdict} ({left})"]
         words += [f"does not depend on {label}" for label in self.unseen]
+        words += [f"hardly changes along {direction}" for direction in self.weak]
         return "; ".join(words)
 
 
@@ -74,11 +76,14 @@ class Spectrum:
     spread: np.ndarray  # the standard deviation of that, if errors are independent
 
 
-def assess(objective: Objective, x: np.ndarray, unseen: Sequence[str] = ()) -> Quality:
+def assess(
+    objective: Objective, x: np.ndarray, unseen: Sequence[str] = (), weak: Sequence[str] = ()
+) -> Quality:
     """The quality of a fit that ends with these numbers.
 
     Args:
         unseen: labels of the numbers on which no picture depends.
+        weak: directions along which the pictures hardly change.
     """
     residuals = objective.residuals(x)
     left, samples = spectrum(residuals), spectrum(objective.sampling_errors(x, residuals))
@@ -97,6 +102,7 @@ def assess(objective: Objective, x: np.ndarray, unseen: Sequence[str] = ()) -> Q
         sampling=(strength * samples.total) ** 0.5,
         structured=structured**0.5,
         unseen=tuple(unseen),
+        weak=tuple(weak),
     )
 
 
