@@ -83,6 +83,18 @@ def test_fit_with_all_options(picture, tmp_path, capsys):
     assert "quality: structured residual" in text
 
 
+def test_fit_with_a_robust_loss(picture, tmp_path, capsys):
+    """A corner of the picture shows something else, which the fit leaves out."""
+    start, target = picture
+    pixels = wt.read_image(target).numpy().copy()
+    pixels[:3, :4] = 1
+    wt.write_image(target, pixels)
+    assert call(f"{FIT} --robust cauchy --budget 1", start, target, "-o", tmp_path / "out") == 0
+    share = float(re.search(r"quality: explained, but for (\S+) of", capsys.readouterr().out)[1])
+    # The corner, with a pixel around it; at 1 sample pixels on the edge may go as well
+    assert 4 * 5 / 24**2 <= share + 5e-4 < 0.25
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -111,6 +123,8 @@ def test_fit_with_all_options(picture, tmp_path, capsys):
         (f"--wrt {RADIUS} --wrt {RADIUS}", f"--wrt: '{RADIUS}' is named twice"),
         (f"--wrt {RADIUS} --starts 2 --starts 3", "--starts: given more than once; give it once"),
         (f"--wrt {RADIUS} --method newton", "'--method'"),
+        (f"--wrt {RADIUS} --robust l1", "'--robust'"),
+        (f"--wrt {RADIUS} --robust huber --gain", "--robust: not with gain=True"),
         ("--wrt materials.red.ior --iterations 1 --once", "depends on none of the parameters"),
     ],
 )

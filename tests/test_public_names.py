@@ -34,8 +34,9 @@ NAMES = {
     "__version__": "str",
     "fit": (
         "(scene, target=None, *, wrt, method='auto', spp=4, iterations=None, levels=None, "
-        "starts=1, seed=0, budget=30.0, bounds=None, mask=None, gain=False, boundary=True, "
-        "max_depth=None, resolution=None, tolerance=1e-06, progress=True, callback=None)"
+        "starts=1, seed=0, budget=30.0, bounds=None, mask=None, gain=False, priors=None, "
+        "robust=None, boundary=True, max_depth=None, resolution=None, tolerance=1e-06, "
+        "progress=True, callback=None)"
     ),
     "from_mitsuba": "(source, precision='single', *, approximate=False)",
     "gradient": (

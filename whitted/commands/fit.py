@@ -37,6 +37,10 @@ Mask = Annotated[
     Path | None, typer.Option(help="A picture that is black where the target does not count.")
 ]
 Gain = Annotated[bool, typer.Option("--gain", help="Also fit the brightness of each channel.")]
+Robust = Annotated[
+    Literal["huber", "cauchy"] | None,
+    typer.Option(help="A loss for pictures with things that the scene lacks."),
+]
 Method = Annotated[
     Literal["auto", "lm", "adam"],
     typer.Option(help="Levenberg-Marquardt, Adam, or by the number of parameters."),
@@ -71,6 +75,7 @@ def fit(
     bound: Bounds = None,
     mask: Mask = None,
     gain: Gain = False,
+    robust: Robust = None,
     method: Method = "auto",
     starts: Starts = 1,
     seed: Seed = 0,
@@ -116,6 +121,7 @@ def fit(
             bounds=bounds,
             mask=weights,
             gain=gain,
+            robust=robust,
             method=method,
             starts=starts,
             seed=seed,

@@ -94,7 +94,8 @@ def coarse_to_fine(
     for k, one in enumerate(pyramid):
         level = len(pyramid) - 1 - k
         x, stopped = descend(search, one, x, iterations, level)
-        if seconds > 0 and not assess(one, x).explained:
+        doubtful = k == 0 and objective.robust is not None
+        if seconds > 0 and (doubtful or not assess(one, x).explained):
             since = time.monotonic()
             explorer = Explorer(search, one, descend, iterations, level, begin, random)
             x = explorer.run(x, seconds * SHARE if level else seconds)

@@ -23,8 +23,8 @@ Descent = Callable[[Search, Objective, np.ndarray, int, int], tuple[np.ndarray, 
 MOVES, BEST, TRIALS = 150, 4, 8
 # A move is a normal number times a scale times a power of two, of an exponent in this range
 EXPONENTS = -2.5, 2.0
-# A minimum is another one if some number differs by so much, in units of its scale
-DISTINCT = 0.05
+# Rounds without a better minimum before what a robust loss leaves is believed
+PATIENCE = 3
 
 
 @dataclass
@@ -44,15 +44,20 @@ class Explorer:
         self.groups = groups_of(self.search.labels)
 
     def run(self, x: np.ndarray, seconds: float) -> np.ndarray:
-        """The best numbers found, from a minimum on; ends early if they explain the pictures."""
+        """The best numbers found, from a minimum on; ends early if they explain the pictures.
+
+        A robust loss explains much. With it, some rounds must have found nothing better as well.
+        """
         end = time.monotonic() + seconds
-        best = self.objective.loss(x), x
-        while time.monotonic() < end:
+        best, idle = (self.objective.loss(x), x), 0
+        explained = assess(self.objective, x).explained
+        patience = PATIENCE if self.objective.robust else 0
+        while time.monotonic() < end and not (explained and idle >= patience):
             better = self._round(best, end)
+            idle += 1
             if better is not None:
-                best = better
-                if assess(self.objective, best[1]).explained:
-                    break
+                best, idle = better, 0
+                explained = assess(self.objective, best[1]).explained
         # The history goes on from the best, not from the last try
         self.search.record(self.objective, *best)
         return best[1]

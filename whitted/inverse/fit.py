@@ -23,7 +23,9 @@ from .bounds import Bounds, bounds_of, scales_of, start_of
 from .coarse_to_fine import Plan, coarse_to_fine
 from .convergence import Iteration, plot, progress_bar
 from .loss import Objective, split
+from .priors import Priors, prior_of
 from .quality import Quality, assess
+from .robust import check_robust
 from .search import Search
 from .uncertainty import uncertainty
 from .views import views_of
@@ -131,6 +133,8 @@ def fit(
     bounds: Bounds | None = None,
     mask: object = None,
     gain: bool = False,
+    priors: Priors | None = None,
+    robust: str | None = None,
     boundary: bool = True,
     max_depth: int | None = None,
     resolution: tuple[int, int] | None = None,
@@ -162,6 +166,10 @@ def fit(
             refraction at least 1].
         mask: what each pixel counts for, >= 0, or whether it counts, of shape (height, width).
         gain: fit a factor for each channel of each view as well, for targets of unknown exposure.
+        priors: name to (mean, sigma) of what is known before, each a number or one for each
+            component. The noise of the target tells how much it weighs.
+        robust: "huber" or "cauchy", for targets with things that the scene lacks: large residuals
+            count less than their squares, with "cauchy" hardly at all. Not with gain.
         boundary, max_depth: as of `render`. With boundary=False only samples are differentiated,
             which fails at edges.
         resolution: width and height of the target, in place of the scene's.
@@ -176,7 +184,8 @@ def fit(
 
     Raises:
         TypeError: neither a scene nor views, but the name of a scene, say.
-        KeyError: a name that a scene does not have, or bounds for a name that is not fitted.
+        KeyError: a name that a scene does not have, or bounds or priors for a name that is not
+            fitted.
         ValueError: another argument is out of range, a target does not fit the scene, or a number
             ceases to be finite; the message has the parameter and the iteration.
 
@@ -197,7 +206,9 @@ def fit(
     x = np.concatenate([start_of(first, name) for name in names])
     sizes = tuple(start_of(first, name).size for name in names)
     options = {"spp": spp, "boundary": boundary, "max_depth": max_depth}
-    objective = Objective(tuple(views), tuple(names), sizes, options, gain)
+    check_robust(robust, gain)
+    prior = prior_of(first, names, {} if priors is None else priors)
+    objective = Objective(tuple(views), tuple(names), sizes, options, gain, prior, robust)
     low, high = bounds_of(first, names, bounds or {})
 
     with progress_bar(objective.labels()) if progress else nullcontext(lambda step: None) as show:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .loss import Objective
+from .noise import fine_differences, noise_variance
+from .residuals import residuals_of
 
 EXPLAINED = "explained"
 STRUCTURED = (
@@ -31,8 +33,8 @@ TOGETHER = 0.1
 STRENGTHS = 1 / 16, 4.0
 # The variance of noise may be so many times larger at some pixels than at most
 UNEVEN = 4.0
-# The median of the modulus of a normal number
-MEDIAN = 0.6745
+# A robust loss must not leave out more of the pixels
+MOST = 0.25
 # Roundings, and the steps that a fit does not take any more, leave this part of the target
 LEAST = 1e-5
 
@@ -49,6 +51,7 @@ class Quality:
     noise: float  #: standard deviation of the target's noise, in radiance
     sampling: float  #: error of finitely many samples in what is left, in radiance
     structured: float  #: what neither of them accounts for, in radiance
+    left_out: float = 0.0  #: share of the pixels that a robust loss leaves out
     unseen: tuple[str, ...] = ()  #: labels of the numbers on which no picture depends
     weak: tuple[str, ...] = ()  #: directions along which the pictures hardly change
 
@@ -56,7 +59,8 @@ class Quality:
         left = f"noise {self.noise:.2g}, sampling {self.sampling:.2g}"
         if not self.explained:
             left += f", structure {self.structured:.2g}"
-        words = [f"{self.verdict} ({left})"]
+        share = f", but for {self.left_out:.2g} of the pixels" if self.left_out else ""
+        words = [f"{self.verdict}{share} ({left})"]
         words += [f"does not depend on {label}" for label in self.unseen]
         words += [f"hardly changes along {direction}" for direction in self.weak]
         return "; ".join(words)
@@ -85,8 +89,8 @@ def assess(
         unseen: labels of the numbers on which no picture depends.
         weak: directions along which the pictures hardly change.
     """
-    residuals = objective.residuals(x)
-    left, samples = spectrum(residuals), spectrum(objective.sampling_errors(x, residuals))
+    residuals = residuals_of(objective, x)
+    left, samples = spectrum(residuals.left), spectrum(residuals.samples)
     noise = left.level
     # How strong the samples' errors are in what is left
     strength = float(np.clip((left.fine - noise) / samples.fine, *STRENGTHS)) if samples.fine else 0
@@ -95,12 +99,14 @@ def assess(
     power = np.mean([np.mean(view.target.astype(float) ** 2) for view in objective.views])
     allowed = by_samples + DEVIATIONS * left.spread + LEAST**2 * power
     structured = max(0.0, float((left.together - allowed).max(initial=0)))
+    explained = structured == 0 and residuals.share <= MOST
     return Quality(
-        explained=structured == 0,
-        verdict=STRUCTURED if structured else EXPLAINED,
+        explained=explained,
+        verdict=EXPLAINED if explained else STRUCTURED,
         noise=noise**0.5,
         sampling=(strength * samples.total) ** 0.5,
         structured=structured**0.5,
+        left_out=residuals.share,
         unseen=tuple(unseen),
         weak=tuple(weak),
     )
@@ -108,8 +114,8 @@ def assess(
 
 def spectrum(pictures: Sequence[np.ndarray]) -> Spectrum:
     """The spectrum of some residuals, each of shape (height, width, 3)."""
-    differences = np.concatenate([_fine(picture).ravel() for picture in pictures])
-    level = float((np.median(np.abs(differences)) / MEDIAN) ** 2)
+    differences = np.concatenate([fine_differences(picture).ravel() for picture in pictures])
+    level = noise_variance(*pictures)
     blocks = [_blocks(picture, level) for picture in pictures]
     sizes = min(len(one) for one in blocks)
     sums = np.array([one[:sizes] for one in blocks]).reshape(-1, sizes, 2).sum(0)
@@ -121,14 +127,6 @@ def spectrum(pictures: Sequence[np.ndarray]) -> Spectrum:
         together=sums[:, 0] / count,
         spread=np.sqrt(sums[:, 1]) / count,
     )
-
-
-def _fine(picture: np.ndarray) -> np.ndarray:
-    """Differences along both axes, of four pixels each; of noise they have its variance."""
-    height, width = (n // 2 * 2 for n in picture.shape[:2])
-    a, b = picture[:height:2, :width:2], picture[:height:2, 1:width:2]
-    c, d = picture[1:height:2, :width:2], picture[1:height:2, 1:width:2]
-    return (a - b - c + d) / 2
 
 
 def _blocks(picture: np.ndarray, level: float) -> list[tuple[float, float]]:

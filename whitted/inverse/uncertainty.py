@@ -58,12 +58,16 @@ def _sums(objective: Objective, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     count = objective.count
     curvature, spread = np.zeros((count, count)), np.zeros((count, count))
     for view, residual, jacobian in objective.linearised(x):
-        weighted = view.weight[..., None] * jacobian
+        weighted = objective.counted(view, residual)[..., None] * jacobian
         curvature += jacobian.reshape(-1, count).T @ weighted.reshape(-1, count)
         slopes = _squares((weighted * residual[..., None]).sum(2)).reshape(-1, count)
         spread += slopes.T @ slopes
     # As many numbers as are fitted take their part of the residual with them
-    return curvature, spread * objective.total / max(1.0, objective.total - count)
+    spread = spread * objective.total / max(1.0, objective.total - count)
+    if objective.prior is not None:
+        known = np.diag(objective.prior.precision * objective.variance)
+        curvature, spread = curvature + known, spread + known * objective.variance
+    return curvature, spread
 
 
 def _squares(picture: np.ndarray) -> np.ndarray:
