@@ -5,7 +5,6 @@ A problem is kept if its picture tells the numbers: at the truth, noise of 1 % l
 known to 1 % of its size.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,8 +33,6 @@ MOST = 9
 # A number is recovered if it is off by this part of its size, or by so many of the deviations that
 # no method can be better than
 GOOD, DEVIATIONS = 0.01, 4.0
-# The fields of a scene that are looked for
-FIELDS = ".center", ".radius", ".ior", "lights.*.position", "camera.position", ".offset"
 
 
 @dataclass(frozen=True)
@@ -55,6 +52,10 @@ class Problem:
         off = numbers(scene, self.names) - numbers(self.truth, self.names)
         return np.abs(off) / self.allowed
 
+    def true_loss(self) -> float:
+        """The loss of the truth, as that of a fit."""
+        return float(np.mean((wt.render(self.truth, 4).numpy() - self.target) ** 2)) / 2
+
     def solved(self, scene: wt.Scene) -> bool:
         return bool((self.errors(scene) <= 1).all())
 
@@ -64,14 +65,11 @@ def numbers(scene: wt.Scene, names: list[str]) -> np.ndarray:
     return np.concatenate([start_of(scene, name) for name in names])
 
 
-def problems(count: int, distance: str, size: int = SIZE) -> Iterator[Problem]:
-    """The first so many problems; the same numbers are asked for at every distance."""
-    for number in range(count):
-        yield problem(number, distance, size)
-
-
 def problem(number: int, distance: str, size: int = SIZE) -> Problem:
-    """The problem of a number, drawn until its picture tells what is asked for."""
+    """The problem of a number, drawn until its picture tells what is asked for.
+
+    At every distance it has the same numbers to find.
+    """
     random = np.random.default_rng(number)
     noise = NOISE[number % len(NOISE)]
     while True:

@@ -15,6 +15,7 @@ from drjit.llvm import ad
 import whitted as wt
 from whitted.inverse import fit as fit_module
 from whitted.inverse.bounds import bounds_of, scales_of
+from whitted.inverse.coarse_to_fine import chosen
 from whitted.inverse.convergence import Iteration
 from whitted.inverse.loss import Objective, split
 from whitted.inverse.quality import Quality
@@ -89,6 +90,39 @@ def test_a_silhouette_alone_tells_the_place(load):
     with pytest.warns(UserWarning, match=r"do not depend on spheres\.ball\.center"):
         plain = wt.fit(start, picture, wrt=WRT, boundary=False, budget=None)
     np.testing.assert_allclose(plain.parameters[WRT[0]], AWAY[WRT[0]])
+
+
+def test_up_to_a_hundred_numbers_take_second_order_steps(ball):
+    """If their derivatives fit in memory; others take Adam's."""
+    for count, size, method in (
+        (16, 2048, "lm"),
+        (60, 1024, "adam"),
+        (60, 512, "lm"),
+        (100, 128, "lm"),
+        (101, 128, "adam"),
+    ):
+        view = checked_view(ball, np.zeros((size, size, 3)), None, (size, size))
+        objective = Objective((view,), ("a",), (count,), {}, False)
+        assert chosen("auto", objective) == method
+        assert chosen("adam", objective) == "adam"
+
+
+def test_positions_of_eight_balls_at_once(ball):
+    """24 numbers, by second-order steps. A pixel is half as wide as elsewhere, as the balls are."""
+    rows = [(x, y, 0) for y in (-0.6, 0.6) for x in (-1.2, -0.4, 0.4, 1.2)]
+    balls = [
+        wt.Sphere(f"b{k}", center=row, radius=0.3, material="red") for k, row in enumerate(rows)
+    ]
+    many = ball.remove("ball").add(*balls)
+    random = np.random.default_rng(4)
+    # A quarter of a radius
+    away = [row + random.uniform(-0.075, 0.075, 3) for row in rows]
+    start = many.replace({f"spheres.b{k}.center": place for k, place in enumerate(away)})
+    size = {"resolution": (64, 48)}
+    result = wt.fit(start, wt.render(many, 16, **size), wrt="spheres.*.center", **size)
+    assert result.quality.explained
+    off = np.abs(np.array(list(result.parameters.values())) - rows)
+    assert np.all(off < [FOUND, FOUND, FOUND * 4 / 0.3])
 
 
 def test_adam_recovers_a_position(ball, target):

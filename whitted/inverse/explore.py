@@ -19,8 +19,8 @@ from .search import Search
 
 Descent = Callable[[Search, Objective, np.ndarray, int, int], tuple[np.ndarray, str]]
 
-# Moves that are compared in each round, how many of them go downhill, and for how many iterations
-MOVES, BEST, TRIALS = 150, 4, 8
+# Moves that are compared in each round, and how many of them go downhill
+MOVES, BEST = 150, 4
 # A move is a normal number times a scale times a power of two, of an exponent in this range
 EXPONENTS = -2.5, 2.0
 # Rounds without a better minimum before what a robust loss leaves is believed
@@ -34,7 +34,7 @@ class Explorer:
     search: Search
     objective: Objective
     descend: Descent
-    iterations: int
+    iterations: tuple[int, int]  # of a try, and of one that leads lower than all before
     level: int
     start: np.ndarray  # where the whole fit began
     random: np.random.Generator
@@ -69,13 +69,13 @@ class Explorer:
             if time.monotonic() > end:
                 break
             self.search.attempt += 1
-            x, _ = self.descend(self.search, self.objective, start, TRIALS, self.level)
+            x, _ = self.descend(self.search, self.objective, start, self.iterations[0], self.level)
             loss = self.objective.loss(x)
             if loss < found[0]:
                 found = loss, x
         if found is best:
             return None
-        x, _ = self.descend(self.search, self.objective, found[1], self.iterations, self.level)
+        x, _ = self.descend(self.search, self.objective, found[1], self.iterations[1], self.level)
         return self.objective.loss(x), x
 
     def _promising(self, x: np.ndarray) -> list[np.ndarray]:

@@ -1,7 +1,7 @@
 """`fit`: recover a scene's parameters from pictures of it, by least squares over pixels.
 
-A handful of numbers is fitted by Levenberg and Marquardt's method, on Jacobians from forward mode.
-More are fitted by Adam, on gradients from reverse mode. Pictures go from coarse to fine.
+Up to a hundred numbers are fitted by Levenberg and Marquardt's method, on Jacobians from forward
+mode. More are fitted by Adam, on gradients from reverse mode. Pictures go from coarse to fine.
 
 Source of the gain: G. Golub, V. Pereyra, "The Differentiation of Pseudo-Inverses and Nonlinear
 Least Squares" (1973).
@@ -150,8 +150,8 @@ def fit(
             pixels.
         target: linear RGB of shape (height, width, 3), as `read_image` gives it; not integers.
         wrt: names of the parameters to fit, as in `Scene.parameters`; `*` stands for any part.
-        method: "lm" (Levenberg-Marquardt), "adam", or "auto", which takes "lm" for up to 16
-            numbers.
+        method: "lm" (Levenberg-Marquardt), "adam", or "auto", which takes "lm" for up to 100
+            numbers, and for up to 16 if all derivatives of all pixels take more than half a GiB.
         spp: samples a pixel, a perfect square.
         iterations: at each resolution, at most [default: 40 for "lm", 200 for "adam"].
         levels: number of resolutions, each half the next [default: as many as leave 24 pixels along
