@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import whitted as wt
+from whitted.inverse import coarse_to_fine
 from whitted.inverse.explore import groups_of
+from whitted.inverse.levenberg_marquardt import levenberg_marquardt
 from whitted.inverse.loss import Objective
 from whitted.inverse.quality import assess, spectrum
 from whitted.inverse.views import checked_view
@@ -143,6 +145,51 @@ def test_a_fit_that_cannot_succeed_ends_with_its_budget(ball):
     assert steps[-1].x.tolist() == pytest.approx(result.parameters[CENTER])
     last = [step.loss for step in steps if step.resolution == steps[-1].resolution]
     assert result.loss == pytest.approx(min(last), rel=1e-5)
+    assert result.notes == ["further tries ended with the budget; give more, or bounds"]
+
+
+def test_a_fit_goes_on_after_a_try_that_leaves_what_is_finite(ball, monkeypatch):
+    """Half of all moves have no finite loss, and the others' first descent fails."""
+    target, start = noisy(ball, 0.02), ball.replace(FAR)
+    descents = []
+
+    def fail(*arguments):
+        descents.append(arguments)
+        if len(descents) == 2:
+            raise ValueError("the loss became nan")
+        return levenberg_marquardt(*arguments)
+
+    monkeypatch.setitem(coarse_to_fine.DESCENTS, "lm", fail)
+    exact, calls = Objective.loss, []
+
+    def loss(self, x):
+        calls.append(x)
+        return np.nan if not self.options["boundary"] and len(calls) % 2 else exact(self, x)
+
+    monkeypatch.setattr(Objective, "loss", loss)
+    result = wt.fit(start, target, wrt=[CENTER], levels=1)
+    assert result.quality.explained
+    assert len(descents) > 2
+
+
+def test_interrupt_of_a_try_keeps_the_best(ball):
+    def interrupt(step):
+        if step.attempt == 1:
+            raise KeyboardInterrupt
+
+    start = ball.replace(FAR)
+    result = wt.fit(start, noisy(ball, 0), wrt=[CENTER], levels=1, callback=interrupt)
+    assert result.stopped == "interrupted"
+    best = min(result.history, key=lambda step: step.loss)
+    np.testing.assert_array_equal(result.parameters[CENTER], best.x)
+
+
+@pytest.mark.parametrize("side", [1, 2, 3, 12])
+def test_small_pictures_have_a_quality(ball, side):
+    tiny = ball.replace({"camera.resolution": (side, side)})
+    assert quality(tiny, wt.render(tiny, 16)).explained
+    if side > 1:
+        assert not quality(tiny, wt.render(tiny, 16).numpy() + 0.1).explained
 
 
 def test_numbers_move_by_parameter_by_object_and_all_together():

@@ -99,7 +99,7 @@ def coarse_to_fine(
         if seconds > 0 and (doubtful or not assess(one, x).explained):
             since = time.monotonic()
             explorer = Explorer(search, one, descend, tries, level, begin, random)
-            x = explorer.run(x, seconds * SHARE if level else seconds)
+            x, stopped = explorer.run(x, stopped, seconds * SHARE if level else seconds)
             seconds -= time.monotonic() - since
     return x, stopped
 

@@ -7,8 +7,10 @@ than all before is where the next moves start.
 Source: D. Wales, J. Doye, "Global Optimization by Basin-Hopping" (1997).
 """
 
+import math
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +29,15 @@ EXPONENTS = -2.5, 2.0
 PATIENCE = 3
 
 
+@dataclass(frozen=True)
+class End:
+    """The end of a descent."""
+
+    loss: float
+    x: np.ndarray
+    stopped: str  # why
+
+
 @dataclass
 class Explorer:
     """Moves from minimum to minimum, at one resolution."""
@@ -43,13 +54,19 @@ class Explorer:
         self.plain = replace(self.objective, options={**self.objective.options, "boundary": False})
         self.groups = groups_of(self.search.labels)
 
-    def run(self, x: np.ndarray, seconds: float) -> np.ndarray:
+    def run(self, x: np.ndarray, stopped: str, seconds: float) -> tuple[np.ndarray, str]:
         """The best numbers found, from a minimum on; ends early if they explain the pictures.
 
         A robust loss explains much. With it, some rounds must have found nothing better as well.
+
+        Args:
+            stopped: why the descent to the minimum ended.
+
+        Returns:
+            The numbers, and why the descent to them ended.
         """
         end = time.monotonic() + seconds
-        best, idle = (self.objective.loss(x), x), 0
+        best, idle = End(self.objective.loss(x), x, stopped), 0
         explained = assess(self.objective, x).explained
         patience = PATIENCE if self.objective.robust else 0
         while time.monotonic() < end and not (explained and idle >= patience):
@@ -57,26 +74,30 @@ class Explorer:
             idle += 1
             if better is not None:
                 best, idle = better, 0
-                explained = assess(self.objective, best[1]).explained
+                explained = assess(self.objective, best.x).explained
         # The history goes on from the best, not from the last try
-        self.search.record(self.objective, *best)
-        return best[1]
+        self.search.record(self.objective, best.loss, best.x)
+        if not explained and self.level == 0:
+            self.search.notes.append("further tries ended with the budget; give more, or bounds")
+        return best.x, best.stopped
 
-    def _round(self, best: tuple[float, np.ndarray], end: float) -> tuple[float, np.ndarray] | None:
+    def _round(self, best: End, end: float) -> End | None:
         """A minimum that is lower than the best, if some of the moves lead to one."""
         found = best
-        for start in self._promising(best[1]):
+        for start in self._promising(best.x):
             if time.monotonic() > end:
                 break
             self.search.attempt += 1
-            x, _ = self.descend(self.search, self.objective, start, self.iterations[0], self.level)
-            loss = self.objective.loss(x)
-            if loss < found[0]:
-                found = loss, x
-        if found is best:
-            return None
-        x, _ = self.descend(self.search, self.objective, found[1], self.iterations[1], self.level)
-        return self.objective.loss(x), x
+            # A try may leave what is finite
+            with suppress(ValueError):
+                tried = self._descent(start, self.iterations[0])
+                found = min(found, tried, key=lambda one: one.loss)
+        return None if found is best else self._descent(found.x, self.iterations[1])
+
+    def _descent(self, start: np.ndarray, iterations: int) -> End:
+        """Where a descent ends."""
+        x, stopped = self.descend(self.search, self.objective, start, iterations, self.level)
+        return End(self.objective.loss(x), x, stopped)
 
     def _promising(self, x: np.ndarray) -> list[np.ndarray]:
         """The best of many moves, of which no two moved the same numbers."""
@@ -85,7 +106,7 @@ class Explorer:
             which, moved = self._move(x)
             loss = self.plain.loss(moved)
             key = which.tobytes()
-            if key not in chosen or loss < chosen[key][0]:
+            if math.isfinite(loss) and (key not in chosen or loss < chosen[key][0]):
                 chosen[key] = loss, moved
         ordered = sorted(chosen.values(), key=lambda pair: pair[0])
         return [moved for _, moved in ordered[:BEST]]

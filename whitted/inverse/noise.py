@@ -10,7 +10,7 @@ def fine_differences(picture: np.ndarray) -> np.ndarray:
     """Differences along both axes, of four pixels each; of noise they have its deviation.
 
     Args:
-        picture: shape (height, width, 3), at least 2 x 2 pixels.
+        picture: shape (height, width, 3); a last row or column that stands alone is left out.
     """
     height, width = (n // 2 * 2 for n in picture.shape[:2])
     a, b = picture[:height:2, :width:2], picture[:height:2, 1:width:2]
@@ -24,4 +24,6 @@ def noise_variance(*pictures: np.ndarray) -> float:
     It is read from the median of differences, which edges do not raise as long as they are few.
     """
     differences = np.concatenate([fine_differences(picture).ravel() for picture in pictures])
+    if not differences.size:
+        return 0.0
     return float((np.median(np.abs(differences)) / MEDIAN) ** 2)

@@ -19,7 +19,8 @@ EXPLAINED = "explained"
 STRUCTURED = (
     "structured residual: probably a local minimum, or something that the scene does not have"
 )
-# A block has 2, 4, 8, ... pixels along a side, and a picture at least so many blocks
+# A block has 2, 4, 8, ... pixels along a side, and a picture at least so many blocks along a side,
+# but for the smallest of a small picture
 BLOCKS = 8
 # Sums of independent errors exceed so many of their standard deviations once in 30,000 pictures
 DEVIATIONS = 4.0
@@ -118,11 +119,11 @@ def spectrum(pictures: Sequence[np.ndarray]) -> Spectrum:
     level = noise_variance(*pictures)
     blocks = [_blocks(picture, level) for picture in pictures]
     sizes = min(len(one) for one in blocks)
-    sums = np.array([one[:sizes] for one in blocks]).reshape(-1, sizes, 2).sum(0)
+    sums = np.array([one[:sizes] for one in blocks]).reshape(len(blocks), sizes, 2).sum(0)
     count = sum(picture.size for picture in pictures)
     return Spectrum(
         total=sum(float(np.vdot(picture, picture)) for picture in pictures) / count,
-        fine=float(np.mean(differences**2)),
+        fine=float(np.vdot(differences, differences)) / max(1, differences.size),
         level=level,
         together=sums[:, 0] / count,
         spread=np.sqrt(sums[:, 1]) / count,
@@ -136,7 +137,8 @@ def _blocks(picture: np.ndarray, level: float) -> list[tuple[float, float]]:
     """
     sums, squares, fourth = picture, picture**2, picture**4
     size, found = 1, []
-    while min(sums.shape[:2]) >= 2 * BLOCKS:
+    least = max(2, min(2 * BLOCKS, *picture.shape[:2]))
+    while min(sums.shape[:2]) >= least:
         sums, squares, fourth = _in_fours(sums), _in_fours(squares), _in_fours(fourth)
         size *= 4
         most = UNEVEN * size * level
