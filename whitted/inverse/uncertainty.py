@@ -58,10 +58,12 @@ def _sums(objective: Objective, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     count = objective.count
     curvature, spread = np.zeros((count, count)), np.zeros((count, count))
     for view, residual, jacobian in objective.linearised(x):
-        weighted = objective.counted(view, residual)[..., None] * jacobian
-        curvature += jacobian.reshape(-1, count).T @ weighted.reshape(-1, count)
-        slopes = _squares((weighted * residual[..., None]).sum(2)).reshape(-1, count)
+        counted = objective.counted(view, residual)
+        slopes = np.einsum("hwc,hwck->hwk", counted * residual, jacobian)
+        slopes = _squares(slopes).reshape(-1, count)
         spread += slopes.T @ slopes
+        weighted = counted[..., None] * jacobian
+        curvature += jacobian.reshape(-1, count).T @ weighted.reshape(-1, count)
     # As many numbers as are fitted take their part of the residual with them
     spread = spread * objective.total / max(1.0, objective.total - count)
     if objective.prior is not None:
