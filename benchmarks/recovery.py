@@ -21,7 +21,7 @@ import whitted as wt
 
 # Of the pictures for error bars: their side, the noise, and how far their scenes and the starts
 # are from the Cornell box, in units of length and of index
-SIDE, NOISE, SPREAD, START = 64, 0.02, 0.05, 0.01
+SIDE, NOISE, SPREAD, START = 48, 0.02, 0.05, 0.01
 NAMES = ["spheres.ball.center", "spheres.ball.radius", "materials.glass.ior"]
 
 
@@ -67,7 +67,7 @@ def bars(count: int, noise: float) -> None:
         truth, start = (scene.replace(_named(x)) for x in (true, began))
         target = wt.render(truth, 16).numpy()
         target = target + random.normal(scale=noise, size=target.shape) if noise else target
-        found = wt.fit(start, target, wrt=NAMES, progress=False)
+        found = wt.fit(start, target, wrt=NAMES, levels=1, budget=None, progress=False)
         off = numbers(found.scene, NAMES) - true
         scores.append(np.abs(off) / np.sqrt(found.covariance.diagonal()))
     inside = np.array(scores)

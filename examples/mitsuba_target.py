@@ -8,8 +8,8 @@ Needs the extra `mitsuba`. What differs between the renderers, and what is done 
 
 Glass throws a full shadow in both: neither sees a point light through an ideal surface.
 
-What is left, light between matte surfaces, no numbers explain. The fit says so, and makes no further
-tries here.
+What is left, light between matte surfaces, no numbers explain. The fit says so, and makes no
+further tries here.
 """
 
 import math
