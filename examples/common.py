@@ -39,7 +39,8 @@ def recover(
     """Fit a scene's parameters, print what was found, and write pictures.
 
     The table has the true numbers, those at the start, ours with one standard deviation, and those
-    of plain AD. The latter may take as many iterations at each resolution as ours.
+    of plain AD. The latter may take as many iterations at each resolution as ours, but it makes no
+    further tries.
 
     Args:
         title: of the table; the pictures are named after it.
@@ -61,8 +62,9 @@ def recover(
         with warnings.catch_warnings():
             # It warns where it sees no dependence; the table shows that
             warnings.simplefilter("ignore")
+            once = {**options, "budget": None}
             theirs = wt.fit(
-                scene, target, wrt=list(start), resolution=resolution, boundary=False, **options
+                scene, target, wrt=list(start), resolution=resolution, boundary=False, **once
             )
     print(f"\n{title}\n{'':28}{'true':>11}{'start':>11}{'found':>12}{'+-':>10}{'plain AD':>12}")
     true = numbers(truth, start)

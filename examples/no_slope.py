@@ -1,4 +1,6 @@
-"""A fit that fails, as the loss has no slope towards the target, and how several starts help."""
+"""A fit that fails, as the loss has no slope towards the target, and what helps:
+further tries, or several starts.
+"""
 
 from common import HERE, arguments, recover
 
@@ -19,6 +21,7 @@ if __name__ == "__main__":
         bounds=bounds,
         levels=1,
         plain=False,
+        budget=None,
     )
     # In a coarse picture pixels are wide, but less wide than the gap
     recover(
@@ -29,7 +32,13 @@ if __name__ == "__main__":
         asked.output,
         bounds=bounds,
         plain=False,
+        budget=None,
     )
+    # By default a fit tries further where it has not explained the picture
+    found, _ = recover(
+        "No overlap, further tries", truth, start, asked.size, asked.output, plain=False
+    )
+    print(found.quality)
     recover(
         "No overlap, several starts",
         truth,

@@ -10,6 +10,7 @@ from whitted import render
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 import boundary
+from recovery_problems import problem
 
 
 def test_crossings_of_one_straight_edge_are_counted(load):
@@ -27,3 +28,15 @@ def test_crossings_of_one_straight_edge_are_counted(load):
         return params["planes.plane0.offset"].grad
 
     assert boundary.crossings(gradient) == 12
+
+
+def test_a_random_problem_is_solved_by_its_truth_alone():
+    """Problem 9 asks for one number; it is the same one at every distance."""
+    near, far = (problem(9, distance, 32) for distance in ("near", "far"))
+    assert near.names == far.names
+    for one in (near, far):
+        assert one.solved(one.truth)
+        assert not one.solved(one.start)
+    assert far.errors(far.start).max() > 2 * near.errors(near.start).max()
+    # Samples alone, as there is no noise in every third problem
+    assert near.true_loss() < 1e-4

@@ -11,15 +11,20 @@ import pytest
 EXAMPLES = Path(__file__).parent.parent / "examples"
 # Pixels along a side, and the largest error, for numbers above 1 in units of the number. A pixel is
 # 0.06 to 0.08 wide where the objects are, and a fit finds an edge to a hundredth of that. In the
-# mirror ball the hidden one looks a sixth as large. With noise, four error bars of 0.008 count
+# mirror ball the hidden one looks a sixth as large. With noise, four error bars count: of 0.008,
+# and of 3e-4 behind the finger. A lamp is seen by shadows that are twice as far away as it is high.
+# How far away a glass ball of three pixels is, is known to 0.004; four of that
 ALLOWED = {
     "camera_pose": (48, 8e-4),
+    "finger": (32, 1.2e-3),
+    "from_nothing": (64, 2e-3),
     "glass_ball": (48, 8e-4),
     "glass_index": (48, 8e-4),
     "light": (48, 8e-4),
     "mirror_only": (48, 5e-3),
     "noise": (32, 0.032),
     "no_slope": (48, 8e-4),
+    "shelf": (32, 1.6e-2),
     "shadow_only": (48, 8e-4),
 }
 TORCH = "needs PyTorch: pip install 'whitted[torch]'"
@@ -71,7 +76,9 @@ def test_example_recovers_its_scene(name, run, tmp_path):
         if label not in ("camera.look_at.y", "camera.look_at.z"):
             off = abs(float(found) - float(true))
             assert off < allowed * max(1, abs(float(true)))
-            assert off < 0.5 * abs(float(start) - float(true)) or float(start) == float(true)
+            # What starts where it belongs gets no closer
+            away = abs(float(start) - float(true))
+            assert off < 0.5 * away or away < allowed
     assert {path.suffix for path in tmp_path.iterdir()} == {".png"}
     if name == "noise":
         error_bars_cover_the_truth(text)

@@ -15,8 +15,10 @@ from drjit.llvm import ad
 import whitted as wt
 from whitted.inverse import fit as fit_module
 from whitted.inverse.bounds import bounds_of, scales_of
+from whitted.inverse.coarse_to_fine import chosen
 from whitted.inverse.convergence import Iteration
 from whitted.inverse.loss import Objective, split
+from whitted.inverse.quality import Quality
 from whitted.inverse.views import checked_view
 
 BALL = """
@@ -86,8 +88,41 @@ def test_a_silhouette_alone_tells_the_place(load):
     result = wt.fit(start, picture, wrt=WRT)
     assert np.all(np.abs(np.array(result.parameters[WRT[0]]) - CENTER) < NEAR)
     with pytest.warns(UserWarning, match=r"do not depend on spheres\.ball\.center"):
-        plain = wt.fit(start, picture, wrt=WRT, boundary=False)
+        plain = wt.fit(start, picture, wrt=WRT, boundary=False, budget=None)
     np.testing.assert_allclose(plain.parameters[WRT[0]], AWAY[WRT[0]])
+
+
+def test_up_to_a_hundred_numbers_take_second_order_steps(ball):
+    """If their derivatives fit in memory; others take Adam's."""
+    for count, size, method in (
+        (16, 2048, "lm"),
+        (60, 1024, "adam"),
+        (60, 512, "lm"),
+        (100, 128, "lm"),
+        (101, 128, "adam"),
+    ):
+        view = checked_view(ball, np.zeros((size, size, 3)), None, (size, size))
+        objective = Objective((view,), ("a",), (count,), {}, False)
+        assert chosen("auto", objective) == method
+        assert chosen("adam", objective) == "adam"
+
+
+def test_positions_of_eight_balls_at_once(ball):
+    """24 numbers, by second-order steps. A pixel is half as wide as elsewhere, as the balls are."""
+    rows = [(x, y, 0) for y in (-0.6, 0.6) for x in (-1.2, -0.4, 0.4, 1.2)]
+    balls = [
+        wt.Sphere(f"b{k}", center=row, radius=0.3, material="red") for k, row in enumerate(rows)
+    ]
+    many = ball.remove("ball").add(*balls)
+    random = np.random.default_rng(4)
+    # A quarter of a radius
+    away = [row + random.uniform(-0.075, 0.075, 3) for row in rows]
+    start = many.replace({f"spheres.b{k}.center": place for k, place in enumerate(away)})
+    size = {"resolution": (64, 48)}
+    result = wt.fit(start, wt.render(many, 16, **size), wrt="spheres.*.center", **size)
+    assert result.quality.explained
+    off = np.abs(np.array(list(result.parameters.values())) - rows)
+    assert np.all(off < [FOUND, FOUND, FOUND * 4 / 0.3])
 
 
 def test_adam_recovers_a_position(ball, target):
@@ -100,7 +135,8 @@ def test_adam_recovers_a_position(ball, target):
 @pytest.mark.parametrize("levels", [1, 2])
 def test_the_start_is_no_iteration(ball, target, method, levels):
     start = ball.replace(AWAY)
-    result = wt.fit(start, target, wrt=WRT, method=method, iterations=1, levels=levels)
+    options = {"method": method, "iterations": 1, "levels": levels, "budget": None}
+    result = wt.fit(start, target, wrt=WRT, **options)
     steps = [step.iteration for step in result.history]
     assert steps == ([0, 1] if levels == 1 else [0, 1, 1, 2])
     assert result.iterations == levels
@@ -209,8 +245,9 @@ def test_several_starts_find_what_one_does_not(ball):
     small = ball.replace({"spheres.ball.radius": 0.3})
     picture = wt.render(small, 16)
     bounds = {"spheres.ball.center": (-2.5, 2.5)}
-    one = wt.fit(small.replace(far), picture, wrt=WRT, bounds=bounds)
-    several = wt.fit(small.replace(far), picture, wrt=WRT, bounds=bounds, starts=40)
+    options = {"wrt": WRT, "bounds": bounds, "budget": None}
+    one = wt.fit(small.replace(far), picture, **options)
+    several = wt.fit(small.replace(far), picture, **options, starts=40)
     assert np.abs(np.array(one.parameters[WRT[0]]) - CENTER).max() > 0.5
     off = np.abs(np.array(several.parameters[WRT[0]]) - CENTER)
     assert np.all(off < [FOUND, FOUND, 0.02])  # FOUND * 4 / 0.3
@@ -226,6 +263,7 @@ def test_bound_holds_and_a_note_tells_it(ball, target, method):
         bounds={name: (None, 0.7)},
         method=method,
         iterations=60,
+        budget=None,
     )
     assert result.parameters[name] == pytest.approx(0.7, rel=6e-8)  # a rounding
     assert result.notes == [f"{name} was held at its bound 0.7"]
@@ -291,7 +329,15 @@ def test_later_iterations_compile_nothing(ball, target, method):
                 sum(not entry["cache_hit"] for entry in dr.kernel_history([dr.KernelType.JIT]))
             )
 
-        wt.fit(ball.replace(AWAY), target, wrt=WRT, method=method, iterations=8, callback=count)
+        wt.fit(
+            ball.replace(AWAY),
+            target,
+            wrt=WRT,
+            method=method,
+            iterations=8,
+            budget=None,
+            callback=count,
+        )
     assert len(compiled) > 5
     assert not any(compiled[2:])
 
@@ -304,7 +350,7 @@ def test_mask_of_truth_values(ball, target):
 
 
 def test_plot_shows_every_number(ball, target, tmp_path):
-    result = wt.fit(ball.replace(AWAY), target, wrt=WRT, iterations=3)
+    result = wt.fit(ball.replace(AWAY), target, wrt=WRT, iterations=3, budget=None)
     figure = result.plot(str(tmp_path / "a.png"))
     assert (tmp_path / "a.png").stat().st_size > 5000
     assert [len(axes.lines) for axes in figure.axes] == [1, 3]
@@ -333,6 +379,8 @@ def bad(**options):
         ({"wrt": f"{WRT[0]}.x"}, KeyError, f"is a component; name the whole parameter, '{WRT[0]}'"),
         ({"method": "sgd"}, ValueError, "expected one of auto, lm, adam, got 'sgd'"),
         ({"iterations": 0}, ValueError, "iterations: expected a whole number from 1 on"),
+        ({"budget": 0}, ValueError, "budget: expected a number of seconds > 0, or None .*, got 0"),
+        ({"budget": "long"}, ValueError, "budget: expected a number of seconds > 0.*, got 'long'"),
         ({"starts": 1.5}, ValueError, "starts: expected a whole number from 1 on"),
         ({"levels": 9}, ValueError, "9 halvings leave nothing of 24 pixels"),
         ({"spp": 3}, ValueError, "perfect square"),
@@ -431,6 +479,7 @@ def result_of(scene, names, **more):
             "covariance": np.eye(count) / 4,
             "labels": list(names),
             "loss": 0.00125,
+            "quality": Quality(True, "explained", 0.05, 0.002, 0.0),
             "gains": np.ones((1, 3)),
             "history": [Iteration(7, (32, 24), 0.00125, np.arange(1.0, count + 1))],
             "stopped": "converged",
@@ -443,6 +492,7 @@ def test_a_result_is_printed_as_a_short_table(ball):
     result = result_of(ball, ["spheres.ball.radius", "materials.<b>.ior"])
     assert repr(result).splitlines() == [
         "FitResult: converged, after 7 iterations; loss 0.00125",
+        "explained (noise 0.05, sampling 0.002)",
         "spheres.ball.radius              1 +- 0.5",
         "materials.<b>.ior                2 +- 0.5",
     ]

@@ -75,9 +75,24 @@ def test_fit_with_all_options(picture, tmp_path, capsys):
     mask = tmp_path / "mask.png"
     wt.write_image(mask, np.ones((24, 24, 3)))
     words = f"{FIT} --bound {RADIUS}=0.5:0.95 --gain --method adam --starts 2 --seed 1 --depth 1"
-    words += " --size 24x24 --precision double"
-    assert call(words, *picture, "--mask", mask, "-o", tmp_path / "out") == 0
-    assert "iterations" in capsys.readouterr().out
+    words += " --size 24x24 --precision double --once"
+    # The bound keeps it from the radius of the picture, 1
+    assert call(words, *picture, "--mask", mask, "-o", tmp_path / "out") == 3
+    text = capsys.readouterr().out
+    assert "iterations" in text
+    assert "quality: structured residual" in text
+
+
+def test_fit_with_a_robust_loss(picture, tmp_path, capsys):
+    """A corner of the picture shows something else, which the fit leaves out."""
+    start, target = picture
+    pixels = wt.read_image(target).numpy().copy()
+    pixels[:3, :4] = 1
+    wt.write_image(target, pixels)
+    assert call(f"{FIT} --robust cauchy --budget 1", start, target, "-o", tmp_path / "out") == 0
+    share = float(re.search(r"quality: explained, but for (\S+) of", capsys.readouterr().out)[1])
+    # The corner, with a pixel around it; at 1 sample pixels on the edge may go as well
+    assert 4 * 5 / 24**2 <= share + 5e-4 < 0.25
 
 
 @pytest.mark.parametrize(
@@ -100,11 +115,17 @@ def test_fit_with_all_options(picture, tmp_path, capsys):
         (f"--wrt {RADIUS} --bound {RADIUS}=1:2", "starts at 0.9, outside [1, 2]"),
         (f"--wrt {RADIUS} --bound camera.fov=1:2", "--bound: 'camera.fov' is not among the"),
         (f"--wrt {RADIUS} --starts 2 --seed -1", "--seed: expected a whole number from 0 on"),
-        (f"--wrt {RADIUS} --seed 1", "--seed: there is no random start; give --starts, or leave"),
+        (f"--wrt {RADIUS} --budget 0", "--budget: expected a number of seconds > 0"),
+        (
+            f"--wrt {RADIUS} --once --budget 9",
+            "--budget: there are no further tries with --once; leave out one of both",
+        ),
         (f"--wrt {RADIUS} --wrt {RADIUS}", f"--wrt: '{RADIUS}' is named twice"),
         (f"--wrt {RADIUS} --starts 2 --starts 3", "--starts: given more than once; give it once"),
         (f"--wrt {RADIUS} --method newton", "'--method'"),
-        ("--wrt materials.red.ior --iterations 1", "depends on none of the parameters"),
+        (f"--wrt {RADIUS} --robust l1", "'--robust'"),
+        (f"--wrt {RADIUS} --robust huber --gain", "--robust: not with gain=True"),
+        ("--wrt materials.red.ior --iterations 1 --once", "depends on none of the parameters"),
     ],
 )
 def test_fit_refuses_bad_input(picture, tmp_path, capsys, options, message):

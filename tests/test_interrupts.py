@@ -171,7 +171,8 @@ def backward():
 
 def fit():
     return wt.fit(
-        scene, target, wrt=[name], method=method, spp=1, iterations=10**6, tolerance=0, levels=1
+        scene, target, wrt=[name], method=method, spp=1, iterations=10**6, tolerance=0, levels=1,
+        budget=None,
     )
 
 calls = {
@@ -258,7 +259,7 @@ def press(*_):
 # While it searches, and while it writes files
 for moment in (0.1, 0.4, None):
     out = folder / f"out {moment}"
-    names = "--wrt", "spheres.ball.center", "--method", "adam", "--spp", "1"
+    names = "--wrt", "spheres.ball.center", "--method", "adam", "--spp", "1", "--once"
     sys.argv = ["whitted", "fit", scene, str(folder / "target.exr"), *names, "-o", str(out)]
     if moment is None:
         sys.argv += ["--iterations", "1"]
@@ -294,7 +295,9 @@ def backward():
 calls = [
     backward,
     lambda: wt.gradient(scene, name, "x").numpy(),
-    lambda: wt.fit(scene, target, wrt=[name], spp=1, iterations=1, levels=1).history[-1].x,
+    lambda: wt.fit(
+        scene, target, wrt=[name], spp=1, iterations=1, levels=1, budget=None
+    ).history[-1].x,
 ]
 expected = [call() for call in calls]
 end, counts, errors = time.monotonic() + 5, [0] * 4, []

@@ -199,7 +199,9 @@ makers = {
     "drjit": lambda: scene.replace({name: ad.Float(np.array([0.5], np.float32))}),
     "attached": attached,
     "read": lambda: wt.read_image(sys.argv[2]),
-    "fit": lambda: wt.fit(scene, picture, wrt=[name], mask=picture[:, :, 0], iterations=2),
+    "fit": lambda: wt.fit(
+        scene, picture, wrt=[name], mask=picture[:, :, 0], iterations=2, budget=None
+    ),
     "differentiated": differentiated,
 }
 for what, make in makers.items():

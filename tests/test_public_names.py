@@ -15,8 +15,8 @@ NAMES = {
     "DirectionalLight": "(name=None, *, direction, irradiance)",
     "Disc": "(name=None, *, center, normal, radius, material)",
     "FitResult": (
-        "(scene, parameters, uncertainty, covariance, labels, loss, gains, history, stopped, "
-        "notes=<factory>)"
+        "(scene, parameters, uncertainty, covariance, labels, loss, quality, gains, history, "
+        "stopped, notes=<factory>)"
     ),
     "Material": (
         "(name, *, color=(0, 0, 0), specular=0, shininess=50, reflection=0, refraction=0, ior=1.5, "
@@ -35,8 +35,9 @@ NAMES = {
     "__version__": "str",
     "fit": (
         "(scene, target=None, *, wrt, method='auto', spp=4, iterations=None, levels=None, "
-        "starts=1, seed=0, bounds=None, mask=None, gain=False, boundary=True, max_depth=None, "
-        "resolution=None, tolerance=1e-06, progress=True, callback=None)"
+        "starts=1, seed=0, budget=30.0, bounds=None, mask=None, gain=False, priors=None, "
+        "robust=None, boundary=True, max_depth=None, resolution=None, tolerance=1e-06, "
+        "progress=True, callback=None)"
     ),
     "from_mitsuba": "(source, precision='single', *, approximate=False)",
     "gradient": (
@@ -108,6 +109,7 @@ MEMBERS = {
         "numbers": "(self)",
         "parameters": "field",
         "plot": "(self, path=None)",
+        "quality": "field",
         "scene": "field",
         "stopped": "field",
         "summary": "(self)",

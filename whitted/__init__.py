@@ -59,7 +59,8 @@ except BackendError:
 else:
     from .files.display import show, to_srgb
     from .files.images import read_image, write_image
-    from .inverse.fit import FitResult, fit
+    from .inverse.fit import fit
+    from .inverse.result import FitResult
     from .rendering.api import render
     from .rendering.gradient import gradient
     from .rendering.notebook import show_in_notebooks

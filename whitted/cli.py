@@ -25,7 +25,7 @@ OPTIONS = {
     "name": "--wrt",
     "resolution": "--size",
     **{name: f"--{name}" for name in ("component", "error", "iterations", "mask", "seed", "spp")},
-    **{name: f"--{name}" for name in ("starts", "terms", "wrt")},
+    **{name: f"--{name}" for name in ("budget", "robust", "starts", "terms", "wrt")},
 }
 
 

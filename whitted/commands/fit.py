@@ -37,14 +37,28 @@ Mask = Annotated[
     Path | None, typer.Option(help="A picture that is black where the target does not count.")
 ]
 Gain = Annotated[bool, typer.Option("--gain", help="Also fit the brightness of each channel.")]
+Robust = Annotated[
+    Literal["huber", "cauchy"] | None,
+    typer.Option(help="A loss for pictures with things that the scene lacks."),
+]
 Method = Annotated[
     Literal["auto", "lm", "adam"],
     typer.Option(help="Levenberg-Marquardt, Adam, or by the number of parameters."),
 ]
 Starts = Annotated[int, typer.Option(help="Starts to try: the scene's, and random ones around it.")]
-Seed = Annotated[
-    int | None, typer.Option(help="Seed of the random starts of --starts [default: 0].")
+Seed = Annotated[int, typer.Option(help="Seed of all that is drawn at random.")]
+Budget = Annotated[
+    float | None,
+    typer.Option(
+        metavar="SECONDS",
+        help="For further tries, where the picture is not explained [default: 30].",
+    ),
 ]
+Once = Annotated[
+    bool, typer.Option("--once", help="No further tries where the picture is not explained.")
+]
+# The exit status where the picture is not explained
+UNEXPLAINED = 3
 Iterations = Annotated[int | None, typer.Option(help="At each resolution, at most.")]
 PlainDerivatives = Annotated[
     bool, typer.Option("--no-boundary", help="Derivatives of plain samples: wrong at edges.")
@@ -61,9 +75,12 @@ def fit(
     bound: Bounds = None,
     mask: Mask = None,
     gain: Gain = False,
+    robust: Robust = None,
     method: Method = "auto",
     starts: Starts = 1,
-    seed: Seed = None,
+    seed: Seed = 0,
+    budget: Budget = None,
+    once: Once = False,
     iterations: Iterations = None,
     spp: Spp = 4,
     depth: Depth = None,
@@ -73,19 +90,20 @@ def fit(
 ) -> int:
     """Recover parameters of a scene from a picture of it.
 
-    Writes the recovered scene, pictures and plots. After Ctrl-C it writes those of the best so far,
-    and the exit status is 130; a second Ctrl-C ends it.
+    Writes the recovered scene, pictures and plots. The exit status is 3 if what was found does not
+    explain the picture. After Ctrl-C the files are those of the best so far, and the exit status is
+    130; a second Ctrl-C ends it.
     """
     from .. import fit as recover
     from .. import load_scene, read_image
     from ..files.figures import figure_of
     from ..files.progress import progress_bar
     from ..files.writable import check_folder
-    from ..inverse.fit import INTERRUPTED
+    from ..inverse.fit import INTERRUPTED, SECONDS
     from ..inverse.report import NAMES, write_recovery
 
-    if seed is not None and starts == 1:
-        raise ValueError("--seed: there is no random start; give --starts, or leave --seed out")
+    if once and budget is not None:
+        raise ValueError("--budget: there are no further tries with --once; leave out one of both")
     check_folder(output, NAMES)
     _check_inputs([scene, target, *([mask] if mask else [])], [output / name for name in NAMES])
     start, picture = load_scene(scene, precision), read_image(target, layer)
@@ -103,9 +121,11 @@ def fit(
             bounds=bounds,
             mask=weights,
             gain=gain,
+            robust=robust,
             method=method,
             starts=starts,
-            seed=seed or 0,
+            seed=seed,
+            budget=None if once else SECONDS if budget is None else budget,
             iterations=iterations,
             resolution=resolution,
             **options,
@@ -120,7 +140,9 @@ def fit(
         files, interrupted = insist(write, result.stopped == INTERRUPTED)
     _print_fit(result)
     typer.echo(f"wrote {', '.join(path.name for path in files)} to {output}")
-    return 130 if interrupted or forget() else 0
+    if interrupted or forget():
+        return 130
+    return 0 if result.quality.explained else UNEXPLAINED
 
 
 def _check_inputs(inputs: list[Path], outputs: list[Path]) -> None:
@@ -180,3 +202,4 @@ def _print_fit(result: Any) -> None:
     for note in result.notes:
         typer.echo(f"note: {note}")
     typer.echo(result.summary())
+    typer.echo(f"quality: {result.quality}")

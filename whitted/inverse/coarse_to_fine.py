@@ -1,25 +1,31 @@
 """The order of a fit: several starts at the coarsest resolution, then one resolution after another.
 
+Where a descent ends and the pictures are not explained, further tries follow (`explore.py`).
+
 A picture at half the resolution is blurred by a pixel twice as wide. An edge acts from twice as far
 in it. So a coarse fit finds what a fine one would miss, and a fine one tells what a coarse one
 cannot.
 """
 
 import math
+import time
 from dataclasses import dataclass
 
 import numpy as np
 
 from .adam import adam
+from .explore import Explorer
 from .levenberg_marquardt import levenberg_marquardt
 from .loss import Objective
+from .quality import assess
 from .search import Search
 
 DESCENTS = {"lm": levenberg_marquardt, "adam": adam}
 METHODS = ("auto", *DESCENTS)
 # Up to this many numbers, second-order steps cost less than the many first-order ones that they
-# replace
-FEW = 16
+# replace. With 60, they take a quarter of the time (`benchmarks/recovery.py many`); it grows with
+# the number. From FEW on they also need memory: so many derivatives of pixels take half a GiB
+MANY, FEW, DERIVATIVES = 100, 16, 1 << 26
 # A picture is not halved to fewer pixels along its shorter side
 COARSEST = 24
 # Iterations at each resolution
@@ -28,7 +34,9 @@ ITERATIONS = {"lm": 40, "adam": 200}
 # scale of each number around the first start
 SPREAD = 4.0
 # Iterations by which starts are compared
-TRIALS = 8
+TRIALS = {"lm": 8, "adam": 40}
+# Further tries at a coarse resolution leave a part of the budget to finer ones
+SHARE = 0.6
 
 
 @dataclass(frozen=True)
@@ -40,6 +48,7 @@ class Plan:
     levels: int | None  # resolutions, each half the next
     starts: int
     seed: int
+    budget: float | None = None  # seconds for further tries; None: no further ones
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -51,6 +60,14 @@ class Plan:
                 raise ValueError(f"{name}: expected a whole number from 1 on, got {value!r}")
         if not isinstance(self.seed, (int, np.integer)) or self.seed < 0:
             raise ValueError(f"seed: expected a whole number from 0 on, got {self.seed!r}")
+        seconds = self.budget
+        if seconds is not None and not (
+            isinstance(seconds, (int, float)) and 0 < seconds < math.inf
+        ):
+            raise ValueError(
+                "budget: expected a number of seconds > 0, or None for a single try, "
+                f"got {seconds!r}"
+            )
 
 
 def coarse_to_fine(
@@ -64,19 +81,35 @@ def coarse_to_fine(
     Raises:
         ValueError: more levels than the pictures' pixels allow.
     """
-    few = objective.count <= FEW
-    method = plan.method if plan.method != "auto" else "lm" if few else "adam"
+    method = chosen(plan.method, objective)
     descend, iterations = DESCENTS[method], plan.iterations or ITERATIONS[method]
     pyramid = _pyramid(objective, plan.levels)
     if plan.starts > 1:
         ends = []
         for start in _starts(search, x, plan):
-            end, _ = descend(search, pyramid[0], start, TRIALS, 0)
+            end, _ = descend(search, pyramid[0], start, TRIALS[method], 0)
             ends.append((pyramid[0].loss(end), end))
         x = min(ends, key=lambda pair: pair[0])[1]
-    for level, one in enumerate(pyramid):
-        x, stopped = descend(search, one, x, iterations, len(pyramid) - 1 - level)
+    tries = TRIALS[method], iterations
+    seconds, begin, random = plan.budget or 0.0, x, np.random.default_rng(plan.seed)
+    for k, one in enumerate(pyramid):
+        level = len(pyramid) - 1 - k
+        x, stopped = descend(search, one, x, iterations, level)
+        doubtful = k == 0 and objective.robust is not None
+        if seconds > 0 and (doubtful or not assess(one, x).explained):
+            since = time.monotonic()
+            explorer = Explorer(search, one, descend, tries, level, begin, random)
+            x, stopped = explorer.run(x, stopped, seconds * SHARE if level else seconds)
+            seconds -= time.monotonic() - since
     return x, stopped
+
+
+def chosen(method: str, objective: Objective) -> str:
+    """The method of descent, where "auto" chooses by the number of parameters and of pixels."""
+    if method != "auto":
+        return method
+    fits = objective.count * 3 * sum(view.weight.size for view in objective.views) <= DERIVATIVES
+    return "lm" if objective.count <= FEW or (objective.count <= MANY and fits) else "adam"
 
 
 def _pyramid(objective: Objective, levels: int | None) -> list[Objective]:

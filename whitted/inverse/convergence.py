@@ -27,6 +27,7 @@ class Iteration:
     resolution: tuple[int, int]  # of the first view
     loss: float
     x: np.ndarray  # all numbers that are fitted
+    attempt: int = 0  # of the fit, after its first descent: the number of a further try
 
 
 @contextmanager
@@ -45,6 +46,7 @@ def progress_bar(labels: Sequence[str]) -> Iterator[Callable[[Iteration], None]]
                 f"{label} {value:.5g}" for label, value in zip(labels[:6], step.x, strict=False)
             )
             where = f"iteration {step.iteration}, {step.resolution[0]} x {step.resolution[1]}"
+            where += f", try {step.attempt}" if step.attempt else ""
             bar.update(task, description=f"{where}, loss {step.loss:.3e}  {numbers}")
 
         yield show

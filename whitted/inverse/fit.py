@@ -1,7 +1,7 @@
 """`fit`: recover a scene's parameters from pictures of it, by least squares over pixels.
 
-A handful of numbers is fitted by Levenberg and Marquardt's method, on Jacobians from forward mode.
-More are fitted by Adam, on gradients from reverse mode. Pictures go from coarse to fine.
+Up to a hundred numbers are fitted by Levenberg and Marquardt's method, on Jacobians from forward
+mode. More are fitted by Adam, on gradients from reverse mode. Pictures go from coarse to fine.
 
 Source of the gain: G. Golub, V. Pereyra, "The Differentiation of Pseudo-Inverses and Nonlinear
 Least Squares" (1973).
@@ -10,103 +10,29 @@ Least Squares" (1973).
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ..core.interrupts import forget, holding, insist, interruptible
-from ..rendering.notebook import picture
 from ..scene.scene import Scene
 from .bounds import Bounds, bounds_of, scales_of, start_of
 from .coarse_to_fine import Plan, coarse_to_fine
-from .convergence import Iteration, plot, progress_bar
-from .loss import Objective, split
+from .convergence import Iteration, progress_bar
+from .loss import Objective
+from .priors import Priors, prior_of
+from .quality import assess
+from .result import FitResult
+from .robust import check_robust
 from .search import Search
+from .uncertainty import uncertainty
 from .views import views_of
 
 # Why a fit stopped, after Ctrl-C
 INTERRUPTED = "interrupted"
-# Numbers that a result shows, at most
-LINES = 16
-
-
-@dataclass(repr=False)
-class FitResult:
-    """What a fit found."""
-
-    scene: Scene  #: the first view's, with the recovered parameters
-    parameters: dict[str, Any]  #: name to a number or three
-    #: the same for one standard deviation; infinite where the pictures do not tell
-    uncertainty: dict[str, Any]
-    covariance: np.ndarray  #: of all numbers, in the order of `labels`
-    labels: list[str]  #: of the numbers, such as "spheres.ball.center.x"
-    loss: float  #: half the mean square of the residuals, at the full resolution
-    gains: np.ndarray  #: of each channel of each view, of shape (views, 3)
-    #: the start at each resolution and each iteration, with its numbers and its loss
-    history: list[Iteration]
-    stopped: str  #: why
-    notes: list[str] = field(default_factory=list)  #: what is noteworthy, in words
-
-    @property
-    def iterations(self) -> int:
-        """The number of steps that were taken, at all resolutions and from all starts."""
-        return self.history[-1].iteration
-
-    def named(self, x: np.ndarray) -> dict[str, Any]:
-        """The parameters at an iteration's numbers, for `Scene.replace`."""
-        return split(self.parameters, x)
-
-    def numbers(self) -> list[tuple[str, float, float]]:
-        """The label, the value and one standard deviation of each number."""
-        values = np.concatenate([np.ravel(value) for value in self.parameters.values()]).tolist()
-        deviations = np.sqrt(self.covariance.diagonal()).tolist()
-        return list(zip(self.labels, values, deviations, strict=True))
-
-    def summary(self) -> str:
-        """How the fit ended, in one line."""
-        steps = f"{self.iterations} iteration{'s' if self.iterations != 1 else ''}"
-        sizes = len({step.resolution for step in self.history})
-        steps += f" at {sizes} resolutions" if sizes > 1 else ""
-        return f"{self.stopped}, after {steps}; loss {self.loss:.4g}"
-
-    def __repr__(self) -> str:
-        lines = [f"{label:32} {value:.7g} +- {sd:.2g}" for label, value, sd in self.numbers()]
-        return "\n".join([f"FitResult: {self.summary()}", *_first(lines)])
-
-    def _repr_html_(self) -> str:
-        """The numbers and a picture of the recovered scene, for notebooks."""
-        from base64 import b64encode
-        from html import escape
-
-        rows = [
-            f"<tr><td>{escape(label)}</td><td>{value:.7g}</td><td>{sd:.2g}</td></tr>"
-            for label, value, sd in self.numbers()
-        ]
-        encoded = b64encode(picture(self.scene)).decode()
-        return (
-            f"<p>FitResult: {escape(self.summary())}</p><table><tr><th>parameter</th><th>value</th>"
-            f"<th>standard deviation</th></tr>{''.join(_first(rows))}</table>"
-            f'<img alt="the recovered scene" src="data:image/png;base64,{encoded}">'
-        )
-
-    def plot(self, path: str | None = None) -> Any:
-        """Draw the loss and each parameter over the iterations; needs the extra `fit`.
-
-        Args:
-            path: a file to write, by its ending.
-
-        Returns:
-            The matplotlib figure.
-        """
-        return plot(self.history, self.labels, path)
-
-
-def _first(lines: list[str]) -> list[str]:
-    """The first lines of a table, and that there are more."""
-    more = len(lines) - LINES
-    return lines if more <= 0 else [*lines[:LINES], f"and {more} more"]
+# For further tries
+SECONDS = 30.0
 
 
 @holding
@@ -121,9 +47,12 @@ def fit(
     levels: int | None = None,
     starts: int = 1,
     seed: int = 0,
+    budget: float | None = SECONDS,
     bounds: Bounds | None = None,
     mask: object = None,
     gain: bool = False,
+    priors: Priors | None = None,
+    robust: str | None = None,
     boundary: bool = True,
     max_depth: int | None = None,
     resolution: tuple[int, int] | None = None,
@@ -139,8 +68,8 @@ def fit(
             pixels.
         target: linear RGB of shape (height, width, 3), as `read_image` gives it; not integers.
         wrt: names of the parameters to fit, as in `Scene.parameters`; `*` stands for any part.
-        method: "lm" (Levenberg-Marquardt), "adam", or "auto", which takes "lm" for up to 16
-            numbers.
+        method: "lm" (Levenberg-Marquardt), "adam", or "auto", which takes "lm" for up to 100
+            numbers, and for up to 16 if all derivatives of all pixels take more than half a GiB.
         spp: samples a pixel, a perfect square.
         iterations: at each resolution, at most [default: 40 for "lm", 200 for "adam"].
         levels: number of resolutions, each half the next [default: as many as leave 24 pixels along
@@ -148,11 +77,17 @@ def fit(
         starts: number of starts. The first is the scene's. The others are drawn at random within
             the bounds, or around the first where those are open. All are tried at the coarsest
             resolution, and the best goes on.
-        seed: of that draw.
+        seed: of that draw, and of further tries.
+        budget: seconds for further tries, where the pictures do not explain the target: numbers are
+            moved at random, and the best moves go downhill. None: no further tries.
         bounds: name to (lowest, highest), None where open [default: what is legal; for an index of
             refraction at least 1].
         mask: what each pixel counts for, >= 0, or whether it counts, of shape (height, width).
         gain: fit a factor for each channel of each view as well, for targets of unknown exposure.
+        priors: name to (mean, sigma) of what is known before, each a number or one for each
+            component. The noise of the target tells how much it weighs.
+        robust: "huber" or "cauchy", for targets with things that the scene lacks: large residuals
+            count less than their squares, with "cauchy" hardly at all. Not with gain.
         boundary, max_depth: as of `render`. With boundary=False only samples are differentiated,
             which fails at edges.
         resolution: width and height of the target, in place of the scene's.
@@ -161,12 +96,14 @@ def fit(
         callback: called after each iteration.
 
     Returns:
-        The result. Ctrl-C ends the fit and gives the best so far, and `stopped` says "interrupted";
-        a second one, while that result is being made, raises `KeyboardInterrupt`.
+        The result; `quality` says whether it explains the target. Ctrl-C ends the fit and gives the
+        best so far, and `stopped` says "interrupted"; a second one, while that result is being
+        made, raises `KeyboardInterrupt`.
 
     Raises:
         TypeError: neither a scene nor views, but the name of a scene, say.
-        KeyError: a name that a scene does not have, or bounds for a name that is not fitted.
+        KeyError: a name that a scene does not have, or bounds or priors for a name that is not
+            fitted.
         ValueError: another argument is out of range, a target does not fit the scene, or a number
             ceases to be finite; the message has the parameter and the iteration.
 
@@ -178,7 +115,7 @@ def fit(
     if callable(progress):
         raise ValueError("progress: expected True or False; give a function as callback")
     given = _names(wrt)
-    plan = Plan(method, iterations, levels, starts, seed)
+    plan = Plan(method, iterations, levels, starts, seed, budget)
     views = views_of(scene, target, mask, resolution)
     first = views[0].scene
     names = list(first.parameters(*given))
@@ -191,7 +128,9 @@ def fit(
     x = np.concatenate([start_of(first, name) for name in names])
     sizes = tuple(start_of(first, name).size for name in names)
     options = {"spp": spp, "boundary": boundary, "max_depth": max_depth}
-    objective = Objective(tuple(views), tuple(names), sizes, options, gain)
+    check_robust(robust, gain)
+    prior = prior_of(first, names, {} if priors is None else priors)
+    objective = Objective(tuple(views), tuple(names), sizes, options, gain, prior, robust)
     low, high = bounds_of(first, names, bounds or {})
 
     with progress_bar(objective.labels()) if progress else nullcontext(lambda step: None) as show:
@@ -230,43 +169,33 @@ def _names(wrt: Sequence[str]) -> list[str]:
 
 def _warn_of_unseen(search: Search, result: FitResult) -> None:
     """Name the parameters on which no picture depended."""
-    for k in np.flatnonzero(~search.has_slope & np.isinf(result.covariance.diagonal())):
+    for k in _unseen(search, result.covariance):
         message = f"fit: the pictures do not depend on {search.labels[k]}; it stays as it was"
         # Where `fit` was called: its frames begin with those of `holding`
         warnings.warn(message, UserWarning, stacklevel=6)
 
 
+def _unseen(search: Search, covariance: np.ndarray) -> np.ndarray:
+    """Which numbers have changed no picture."""
+    return np.flatnonzero(~search.has_slope & np.isinf(covariance.diagonal()))
+
+
 def _result(search: Search, objective: Objective, x: np.ndarray, stopped: str) -> FitResult:
-    loss, _, curvature = objective.normal_equations(x)
+    known, loss = uncertainty(objective, x, search.scale), objective.loss(x)
     if not search.history:
         search.history.append(Iteration(0, objective.views[0].resolution, loss, x.copy()))
-    covariance = _covariance(objective, loss, curvature)
     parameters = objective.parameters(x)
+    unseen = [search.labels[k] for k in _unseen(search, known.covariance)]
     return FitResult(
         scene=objective.views[0].scene.replace(parameters),
         parameters=parameters,
-        uncertainty=objective.parameters(np.sqrt(covariance.diagonal())),
-        covariance=covariance,
+        uncertainty=objective.parameters(np.sqrt(known.covariance.diagonal())),
+        covariance=known.covariance,
         labels=search.labels,
         loss=loss,
+        quality=assess(objective, x, unseen, known.weak),
         gains=objective.gains(x),
         history=search.history,
         stopped=stopped,
         notes=search.notes,
     )
-
-
-def _covariance(objective: Objective, loss: float, curvature: np.ndarray) -> np.ndarray:
-    """Gauss and Newton's estimate: the variance of a residual times the inverse of J'J.
-
-    It is infinite where J is 0. What is left of the residual is taken for noise, which is as strong
-    in all channels of all pixels, and independent.
-    """
-    total = objective.total
-    variance = 2 * loss * total / max(1.0, total - objective.count)
-    covariance = np.diag(np.full(len(curvature), np.inf))
-    seen = np.flatnonzero(curvature.diagonal() > 0)
-    unit = 1 / np.sqrt(curvature.diagonal()[seen])
-    inverse = np.linalg.pinv(curvature[np.ix_(seen, seen)] * np.outer(unit, unit), hermitian=True)
-    covariance[np.ix_(seen, seen)] = variance / total * inverse * np.outer(unit, unit)
-    return covariance

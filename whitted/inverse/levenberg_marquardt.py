@@ -13,6 +13,8 @@ from .search import NO_SLOPE, Search
 DAMPING, FALL, GROWTH, LEAST, MOST = 1e-3, 5, 4, 1e-7, 1e6
 # The least damping of all: it keeps the matrix regular where two numbers do the same
 REGULAR = 1e-9
+# Of a direction along which pictures do not change: its part of the largest change
+NULL = 1e-6
 # A coarse fit ends at this many times the tolerance: the next fit does the rest
 COARSE = 100
 
@@ -66,4 +68,15 @@ def _step(
     matrix = curvature[np.ix_(free, free)] * np.outer(unit, unit)
     matrix += (damping + REGULAR) * np.eye(len(free))
     step[free] = -unit * np.linalg.solve(matrix, unit * slope[free])
+    step[free] = _told(step[free], curvature[np.ix_(free, free)], search.scale[free])
     return step / max(1.0, float(np.abs(step / search.scale).max()))
+
+
+def _told(step: np.ndarray, curvature: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """A step without its part along directions in which the pictures do not change.
+
+    Roundings would take it far along them.
+    """
+    values, vectors = np.linalg.eigh(curvature * np.outer(scale, scale))
+    told = vectors[:, values > NULL**2 * values.max(initial=0)]
+    return scale * (told @ (told.T @ (step / scale)))

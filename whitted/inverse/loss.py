@@ -11,6 +11,8 @@ from ..core.arrays import Array
 from ..core.host import to_array
 from ..rendering.samples import render_samples
 from ..scene.scene import Scene
+from .priors import Prior
+from .robust import robust_loss, robust_weight
 from .views import View
 
 
@@ -26,6 +28,8 @@ class Objective:
     sizes: tuple[int, ...]  # numbers in each parameter
     options: dict[str, Any]  # of `render`
     gain: bool  # each channel may be brighter by a factor of its own
+    prior: Prior | None = None
+    robust: str | None = None  # the name of a robust loss
 
     @property
     def count(self) -> int:
@@ -35,6 +39,11 @@ class Objective:
     def total(self) -> float:
         """The weights of all channels of all pixels."""
         return 3 * sum(float(view.weight.sum()) for view in self.views)
+
+    @property
+    def variance(self) -> float:
+        """Of the noise in a channel of a pixel, on average over the views."""
+        return float(np.mean([view.variance for view in self.views]))
 
     def halved(self) -> "Objective":
         return replace(self, views=tuple(view.halved() for view in self.views))
@@ -62,15 +71,46 @@ class Objective:
         return zip(self.views, images, strict=True)
 
     def loss(self, x: np.ndarray) -> float:
-        parts = (self._residual(view, image.astype(float))[2] for view, image in self._images(x))
-        return sum(parts) / self.total / 2
+        parts = map(self._part, self.views, self.residuals(x))
+        return (sum(parts) / 2 + self._prior_loss(x)) / self.total
+
+    def _prior_loss(self, x: np.ndarray) -> float:
+        return self.prior.loss(x) * self.variance if self.prior else 0.0
+
+    def _part(self, view: View, residual: np.ndarray) -> float:
+        """A view's weighted sum of squares, or of what counts in their place."""
+        if self.robust is None:
+            return float(np.vdot(view.weight * residual, residual))
+        lost = robust_loss(self.robust, self._unusual(view, residual))
+        return 3 * view.variance * float(np.vdot(view.weight, lost))
+
+    @staticmethod
+    def _unusual(view: View, residual: np.ndarray) -> np.ndarray:
+        """The mean square over channels of a residual, in units of the noise."""
+        return (residual**2).mean(2, keepdims=True) / view.variance
+
+    def unusual_weight(self, view: View, residual: np.ndarray) -> np.ndarray:
+        """The factor of each pixel's weight by a robust loss, shape (height, width, 1)."""
+        assert self.robust is not None
+        return robust_weight(self.robust, self._unusual(view, residual))
+
+    def counted(self, view: View, residual: np.ndarray) -> np.ndarray:
+        """What each pixel counts for, shape (height, width, 1); a robust loss lowers it."""
+        if self.robust is None:
+            return view.weight
+        factor = self.unusual_weight(view, residual)
+        return view.weight * factor.astype(view.weight.dtype)
 
     def gains(self, x: np.ndarray) -> np.ndarray:
         """The factor of each channel, shape (views, 3)."""
         return np.array([self._residual(view, image)[1] for view, image in self._images(x)])
 
-    def _residual(self, view: View, image: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        """The residual, the best gain of each channel, and the weighted sum of squares.
+    def residuals(self, x: np.ndarray) -> list[np.ndarray]:
+        """Each view's residual, shape (height, width, 3)."""
+        return [self._residual(view, image.astype(float))[0] for view, image in self._images(x)]
+
+    def _residual(self, view: View, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The residual, and the best gain of each channel.
 
         The residual is the image, times the gain, less the target.
         """
@@ -80,7 +120,7 @@ class Objective:
             product = (view.weight * image * view.target).sum((0, 1))
             np.divide(product, power, out=gain, where=power > 0)
         residual = gain * image - view.target if self.gain else image - view.target
-        return residual, gain, float(np.vdot(view.weight * residual, residual))
+        return residual, gain
 
     def gradient(self, values: dict[str, Array]) -> float:
         """The loss; its gradient is left in the parameters.
@@ -91,13 +131,20 @@ class Objective:
         loss = 0.0
         for view in self.views:
             image = self.render(view, values)
-            residual, gain, part = self._residual(view, image.numpy())
-            loss += part / self.total / 2
+            residual, gain = self._residual(view, image.numpy())
+            loss += self._part(view, residual) / 2
             # The loss does not change with the gain, since that is the best one
-            seed = view.weight * residual * (gain / residual.dtype.type(self.total))
+            counted = self.counted(view, residual) * residual
+            seed = counted * (gain / residual.dtype.type(self.total))
             dr.set_grad(image, type(image)(to_array(seed.ravel(), seed.size), seed.shape))
             dr.backward_from(image)
-        return loss
+        if self.prior is None:
+            return loss / self.total
+        x = np.concatenate([value.numpy().ravel() for value in values.values()]).astype(float)
+        slope = self.prior.slope(x) * self.variance / self.total
+        for name, part in arrays(self.views[0].scene, self.parameters(slope)).items():
+            dr.set_grad(values[name], dr.grad(values[name]) + part)
+        return (loss + self._prior_loss(x)) / self.total
 
     def normal_equations(self, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """The loss, its gradient and an approximation of its second derivatives, by forward mode.
@@ -105,16 +152,28 @@ class Objective:
         The approximation is Gauss and Newton's.
         """
         loss, slope, curvature = 0.0, np.zeros(self.count), np.zeros((self.count, self.count))
-        for view in self.views:
-            image, columns = self._jacobian(view, x)
-            residual, gain, part = self._residual(view, image)
-            columns = [self._with_gain(view, image, column, gain) for column in columns]
-            jacobian = np.stack(columns, -1)
-            weighted = (view.weight[..., None] * jacobian).reshape(-1, self.count)
-            loss += part / 2
+        for view, residual, jacobian in self.linearised(x):
+            counted = self.counted(view, residual)[..., None]
+            weighted = (counted * jacobian).reshape(-1, self.count)
+            loss += self._part(view, residual) / 2
             slope += residual.ravel() @ weighted
             curvature += jacobian.reshape(-1, self.count).T @ weighted
+        if self.prior is not None:
+            loss += self._prior_loss(x)
+            slope += self.prior.slope(x) * self.variance
+            curvature += np.diag(self.prior.precision * self.variance)
         return loss / self.total, slope / self.total, curvature / self.total
+
+    def linearised(self, x: np.ndarray) -> Iterator[tuple[View, np.ndarray, np.ndarray]]:
+        """Each view, its residual, and the derivative of that by each number along a fourth axis.
+
+        The residual has the shape (height, width, 3).
+        """
+        for view in self.views:
+            image, columns = self._jacobian(view, x)
+            residual, gain = self._residual(view, image)
+            columns = [self._with_gain(view, image, column, gain) for column in columns]
+            yield view, residual, np.stack(columns, -1)
 
     def _with_gain(
         self, view: View, image: np.ndarray, column: np.ndarray, gain: np.ndarray

@@ -12,7 +12,7 @@ from ..files.png import to_srgb
 from ..files.writable import check_folder
 from ..rendering.samples import render_samples
 from ..scene.scene import Scene
-from .fit import FitResult
+from .result import FitResult
 
 NAMES = (
     *("scene.toml", "target.png", "start.png", "result.png"),

@@ -28,6 +28,7 @@ class Search:
     history: list[Iteration] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     steps: int = 0  # taken so far
+    attempt: int = 0  # the number of further tries
 
     def __post_init__(self) -> None:
         # Bool for each number: some slope by it was not 0
@@ -57,7 +58,7 @@ class Search:
                     raise ValueError(
                         f"fit: the derivative by {label} is not finite in {iteration}, at {at}"
                     )
-        step = Iteration(self.steps, objective.views[0].resolution, loss, x.copy())
+        step = Iteration(self.steps, objective.views[0].resolution, loss, x.copy(), self.attempt)
         self.history.append(step)
         self.report(step)
 

@@ -2,14 +2,19 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..files.images import numbers, radiance
 from ..scene.scene import Scene, checked_scene
+from .noise import noise_variance
 
 Resolution = tuple[int, int]
+# What finitely many samples change in a target, as a part of it; where objects are to be found in
+# spite of others, less than that is no reason to leave a pixel out
+SAMPLES = 0.01
 
 
 @dataclass(frozen=True)
@@ -23,6 +28,12 @@ class View:
     @property
     def resolution(self) -> Resolution:
         return self.target.shape[1], self.target.shape[0]
+
+    @cached_property
+    def variance(self) -> float:
+        """Of the noise in a channel of a pixel; errors of samples are taken for such noise."""
+        target = self.target.astype(float)
+        return noise_variance(target) + SAMPLES**2 * float(np.mean(target**2))
 
     def halved(self) -> "View":
         """The view at half the resolution.

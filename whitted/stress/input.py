@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ..core.arrays import Precision
-from ..inverse.fit import FitResult, fit
+from ..inverse.fit import fit
+from ..inverse.result import FitResult
 from ..rendering.samples import render_samples
 from ..scene.files import SceneError, load_scene
 from ..scene.scene import Scene
@@ -73,7 +74,9 @@ def pushed(p: Precision) -> Iterator[Check]:
         target = render_samples(other, 4)
         for method in ("lm", "adam"):
             try:
-                found = fit(start, target, wrt=names, method=method, spp=4, iterations=15)
+                found = fit(
+                    start, target, wrt=names, method=method, spp=4, iterations=15, budget=None
+                )
                 wrong = _illegal_numbers(found)
             except ValueError as error:
                 # An error is as good, if it names the parameter and the iteration
