@@ -228,7 +228,7 @@ def check_colors(path, derivative):
             ["--wrt", "spheres.bal.radius"],
             "the scene has no parameter 'spheres.bal.radius'; nearest: spheres.ball.radius, ",
         ),
-        (["--wrt", "ambient", "--component", "w"], "'--component'"),
+        (["--wrt", "ambient", "--component", "w"], "--component: expected x, y or z"),
         (["--wrt", "camera.fov", "--terms", "none"], "'--terms'"),
         ([], "'--wrt'"),
     ],

@@ -213,9 +213,14 @@ def test_lanes_are_dealt_out_packet_by_packet():
 
 
 def test_walks_through_equal_trees_come_together():
-    order = walk_order(np.uint32([9, 0xFFFF0003, 9, 0x10001]))
+    labels = np.uint32([9, 0xFFFF0003, 9, 0x10001])
+    order = walk_order(labels, few_alike=False)
     assert np.argsort(order, kind="stable").tolist() == [3, 1, 0, 2]
     assert order.dtype == np.uint16
+
+
+def test_walks_keep_their_places_where_few_trees_are_equal():
+    assert not walk_order(np.uint32([9, 0xFFFF0003, 9]), few_alike=True).any()
 
 
 def interval(edge, rooted, length=0.5) -> Interval:

@@ -12,6 +12,7 @@ NAMES = {
     "BackendError": "(RuntimeError)",
     "Camera": "(*, position, look_at, fov, resolution, up=(0, 1, 0))",
     "Checkerboard": "(*, color, size)",
+    "Cloud": "(name=None, *, center=None, radius=None, spheres=None, material)",
     "DirectionalLight": "(name=None, *, direction, irradiance)",
     "Disc": "(name=None, *, center, normal, radius, material)",
     "FitResult": (
@@ -22,11 +23,11 @@ NAMES = {
         "(name, *, color=(0, 0, 0), specular=0, shininess=50, reflection=0, refraction=0, ior=1.5, "
         "shadow=1, fresnel=False, checker=None)"
     ),
-    "Pick": "(name, point, distance)",
+    "Pick": "(name, point, distance, sphere)",
     "Plane": "(name=None, *, normal, offset, material)",
     "PointLight": "(name=None, *, position, intensity, falloff='none')",
     "Scene": (
-        "(camera, *, spheres=(), planes=(), discs=(), lights=(), materials=(), "
+        "(camera, *, spheres=(), planes=(), discs=(), clouds=(), lights=(), materials=(), "
         "background=(0, 0, 0), ambient=(0, 0, 0), max_depth=5, min_importance=0, "
         "precision='single')"
     ),
@@ -70,18 +71,25 @@ MEMBERS = {
         "background": "field",
         "camera": "field",
         "carrying": "(self, values)",
+        "clouds": "field",
         "features": "property",
         "fixed": "field",
+        "folder": "field",
         "from_dict": "(tables, precision='single')",
+        "gathering": "(self, gathered)",
         "inputs": "(self)",
         "lights": "field",
         "locations": "property",
+        "many": "field",
+        "marked": "property",
         "materials": "field",
         "max_depth": "field",
         "min_importance": "field",
         "names_by_shape": "property",
         "neutral": "property",
+        "number_of": "(self, name)",
         "numbers": "property",
+        "owner_of": "(self, number)",
         "parameters": "(self, *names)",
         "precision": "property",
         "remove": "(self, *names)",
@@ -90,11 +98,14 @@ MEMBERS = {
         "save": "(self, path)",
         "sets": "property",
         "shapes": "field",
+        "singles": "property",
+        "sources": "property",
         "structure": "property",
         "text": "field",
         "to_dict": "(self)",
         "to_mitsuba": "(self, *, approximate=False)",
         "touched": "field",
+        "tree": "property",
         "used": "property",
     },
     wt.FitResult: {

@@ -145,7 +145,7 @@ PROBLEMS = [
     (
         "xyz = 1\n" + CAMERA,
         "xyz: unknown key; known are background, ambient, max_depth, min_importance, camera, "
-        "materials, lights, spheres, planes, discs",
+        "materials, lights, spheres, planes, discs, clouds",
     ),
     (camera("position_ = [1, 1, 1]"), "camera.position_: unknown key; did you mean 'position'?"),
     (ball("radios = 1"), "spheres[0].radios: unknown key; did you mean 'radius'?"),
@@ -232,11 +232,10 @@ def test_all_problems_are_listed(load, tmp_path):
 
 
 def test_too_many_objects_are_refused(load):
-    spheres = sphere([0, 0, 0], 1, "red") * (MAX_OBJECTS + 1)
-    with pytest.raises(
-        SceneError, match=f": {MAX_OBJECTS + 1} shapes and lights: expected at most {MAX_OBJECTS}$"
-    ):
-        load(CAMERA + "[materials.red]\n" + spheres)
+    planes = plane([0, 1, 0], 1, "red") * (MAX_OBJECTS + 1)
+    told = f": {MAX_OBJECTS + 1} shapes and lights that are no spheres: "
+    with pytest.raises(SceneError, match=f"{told}expected at most {MAX_OBJECTS}$"):
+        load(CAMERA + "[materials.red]\n" + planes)
 
 
 @pytest.mark.parametrize(

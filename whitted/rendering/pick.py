@@ -29,10 +29,10 @@ PASSES = 0.5
 class Pick:
     """What is seen at a place of the picture."""
 
-    name: str  #: of the shape, such as "spheres.ball", or of the cloud
-    sphere: int | None  #: the number of the sphere in a cloud
+    name: str  #: of the shape or the cloud, such as "spheres.ball"
     point: tuple[float, float, float]  #: where it is met
     distance: float  #: of that point from the camera, along the rays that lead there
+    sphere: int | None  #: of a cloud, the number of the sphere
 
 
 def pick(
@@ -113,7 +113,8 @@ def _picked(scene: Scene, x: float, y: float, size: tuple[int, int], through: bo
     if number == NONE:
         return None
     point = (float(p.x[0]), float(p.y[0]), float(p.z[0]))
-    return Pick(*scene.owner_of(number), point, distance)
+    name, sphere = scene.owner_of(number)
+    return Pick(name, point, distance, sphere)
 
 
 @frozen

@@ -12,6 +12,11 @@ from ..tracing.surface import surface
 from .arrays import rays_of
 
 
+def as_kernels_see(scene: Scene) -> Scene:
+    """A scene whose many spheres stand in a tree."""
+    return scene.structure.filled(scene.inputs())
+
+
 def follow(scene: Scene, ray: Ray, kinds: str) -> Ray:
     """Follow rays from surface to surface.
 

@@ -18,7 +18,7 @@ from ..core.ray import Ray
 from ..scene.scene import Scene
 from .arrays import rays_of, worst
 from .case import Case, Chart, Check, Curve
-from .chains import follow
+from .chains import as_kernels_see, follow
 from .scenes import PIXEL, ball, material, scene_of
 
 BOUNCES = 14
@@ -78,7 +78,7 @@ def _exact() -> tuple[np.ndarray, np.ndarray, float]:
 def _traced(p: Precision) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """x of each bounce, and its derivatives by y of the start, in forward and in reverse mode."""
     mirrors = "".join(ball(f"d{k}", (x, y, 0), 1 / 3, "m") for k, (x, y) in enumerate(_centers()))
-    scene = scene_of(p, PIXEL, material("m", reflection=1), mirrors)
+    scene = as_kernels_see(scene_of(p, PIXEL, material("m", reflection=1), mirrors))
     ray = rays_of(p, [0.5, p.dtype(START), 0], [1, 0, 0])
     tangent = p.vector(0, 1, 0), p.vector(0)
     rays, x, forward = [], [], []

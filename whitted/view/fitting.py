@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..inverse.fit import FitResult, fit
+from ..inverse.fit import fit
+from ..inverse.result import FitResult
 from ..scene.scene import Scene
 from .sliders import sizes_of
 
