@@ -56,8 +56,13 @@ def crowd_means(band: Band, pixels: np.ndarray) -> Callable[[], np.ndarray]:
     Returns:
         A function that waits for the pixels' radiance: (N, 3).
     """
-    traced = [(crowd_side(band.side, band.structure.few_alike), False)]
-    if band.structure.reflects:
+    few_alike = band.structure.few_alike
+    # Among many spheres there are too few samples a pixel for a difference to be worth two walks
+    apart = band.structure.reflects and not few_alike
+    traced: list[tuple[int, bool | None]] = [
+        (crowd_side(band.side, few_alike), False if apart else None)
+    ]
+    if apart:
         traced.append((band.side, True))
     rows = [(side, list(_rows(band, pixels, side, dim))) for side, dim in traced]
 
@@ -71,11 +76,13 @@ def crowd_means(band: Band, pixels: np.ndarray) -> Callable[[], np.ndarray]:
     return finish
 
 
-def _rows(band: Band, pixels: np.ndarray, side: int, dim: bool) -> Iterator[tuple[Array, int]]:
+def _rows(
+    band: Band, pixels: np.ndarray, side: int, dim: bool | None
+) -> Iterator[tuple[Array, int]]:
     """The sums of the rows of samples in pixels, and how many rows they are.
 
     Args:
-        dim: of the light of dim rays, not of all others.
+        dim: of the light of dim rays; False for that of all others, None for that of all.
     """
     columns, first = band.resolution[0], (np.arange(side) + 0.5) / side
     step, count = dr.opaque(band.structure.precision.real, 1 / side), dr.opaque(ad.UInt, side)

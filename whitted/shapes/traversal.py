@@ -76,14 +76,15 @@ def _begins(near: Array, t: Array) -> Array:
     return near <= t * (1 + 8 * precision_of(t).epsilon)
 
 
-def node_at(nodes: Array, place: Array) -> TreeNode:
-    """The node at a place."""
-    precision = precision_of(nodes)
-    row = dr.gather(precision.columns, nodes, place, shape=(RECORD, dr.width(place)))
-    bits = [_bits(row[k]) for k in (6, 7)]
-    return TreeNode(
-        precision.vector(row[0], row[1], row[2]), -precision.vector(row[3], row[4], row[5]), *bits
-    )
+def nodes_at(nodes: Array, place: Array, count: int) -> list[TreeNode]:
+    """The node at a place, or the two of a pair at a place that is counted in pairs."""
+    precision, size = precision_of(nodes), count * RECORD
+    row = dr.gather(precision.columns, nodes, place, shape=(size, dr.width(place)))
+    found = []
+    for first in range(0, size, RECORD):
+        low, high = (precision.vector(*(row[first + k + j] for j in range(3))) for k in (0, 3))
+        found.append(TreeNode(low, -high, *(_bits(row[first + k]) for k in (6, 7))))
+    return found
 
 
 def _bits(x: Array) -> Array:
@@ -114,7 +115,7 @@ def walk_nodes(
     """
 
     def step(place: Array, state: State, active: Array) -> tuple[Array, State, Array]:
-        node = node_at(nodes, place)
+        (node,) = nodes_at(nodes, place, 1)
         leaf = node.is_leaf
         state = dr.if_stmt((state,), leaf, lambda state: look(node, state), lambda state: state)
         place = dr.select(~leaf & enters(node, state), node.link, node.after)
@@ -143,7 +144,7 @@ def nearest(
     """
 
     def step(state: State, pair: Array, stack: Stack, _: Array) -> tuple[Any, ...]:
-        one, two = node_at(nodes, pair), node_at(nodes, pair + 1)
+        one, two = nodes_at(nodes, pair >> 1, 2)
         state = look(two, look(one, state))
         t = distance(state)
         (near, first), (far, second) = line.enters(one, t), line.enters(two, t)
