@@ -315,7 +315,7 @@ def test_a_file_is_replaced_only_if_that_is_asked_for(session, tmp_path):
     "name",
     [
         "../a.toml",
-        "/tmp/a.toml",
+        "/nowhere/a.toml",
         "a/b.toml",
         ".a.toml",
         "a\0.toml",
