@@ -575,10 +575,28 @@ def test_cloud_is_not_moved_while_a_kernel_is_recorded():
     assert any(message.replace("\\", "") in str(each) for each in chain)
 
 
-def test_fit_names_another_way_for_clouds():
-    scene = matte_cloud(beads(3))
-    with pytest.raises(ValueError, match=r"^wrt: 'clouds.beads.radius' has a number for each"):
-        wt.fit(scene, wt.render(scene), wrt=["clouds.beads.radius"])
+@pytest.mark.parametrize("method", ["lm", "adam"])
+def test_fit_finds_the_spheres_of_a_cloud(method):
+    spheres = np.array([[-0.7, 0, 0, 0.3], [0.2, 0.3, 0.2, 0.25], [0.8, -0.2, -0.2, 0.35]])
+    truth = matte_cloud(spheres, camera=camera(size=(48, 48)))
+    start = truth.replace({"clouds.beads.center": spheres[:, :3] + [[0.06, -0.04, 0.0]]})
+    names = ["clouds.beads.center", "clouds.beads.radius"]
+    found = wt.fit(start, wt.render(truth, 4), wrt=names, method=method, progress=False)
+    assert found.labels[:4] == [f"{names[0]}.{place}" for place in ("0.x", "0.y", "0.z", "1.x")]
+    assert found.labels[-1] == "clouds.beads.radius.2"
+    assert np.shape(found.parameters["clouds.beads.center"]) == (3, 3)
+    # A hundredth of a pixel across the view, which is 0.07 wide; by distance ten times that
+    off = np.abs(np.array(found.parameters["clouds.beads.center"]) - spheres[:, :3])
+    assert off[:, :2].max() < (0.002 if method == "lm" else 0.02)
+    np.testing.assert_allclose(found.parameters["clouds.beads.radius"], spheres[:, 3], atol=0.02)
+
+
+def test_fit_of_too_many_numbers_is_refused():
+    scene = matte_cloud(beads(400))
+    with pytest.raises(
+        ValueError, match=r"^wrt: expected from 1 to 1000 numbers, got 1200; an opt"
+    ):
+        wt.fit(scene, wt.render(scene), wrt=["clouds.beads.center"])
 
 
 def test_numbers_of_spheres_begin_above_all_others():

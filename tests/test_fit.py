@@ -102,7 +102,7 @@ def test_up_to_a_hundred_numbers_take_second_order_steps(ball):
         (101, 128, "adam"),
     ):
         view = checked_view(ball, np.zeros((size, size, 3)), None, (size, size))
-        objective = Objective((view,), ("a",), (count,), {}, False)
+        objective = Objective((view,), ("a",), ((count,),), {}, False)
         assert chosen("auto", objective) == method
         assert chosen("adam", objective) == "adam"
 
@@ -207,7 +207,7 @@ def test_second_derivatives_and_gradients_agree(ball, target):
     sizes = {"spheres.ball.center": 3, "lights.light0.intensity": 3}
     options = {"spp": 1, "boundary": True, "max_depth": None}
     views = (checked_view(ball, target, mask, None, ""),)
-    objective = Objective(views, tuple(sizes), tuple(sizes.values()), options, gain=True)
+    objective = Objective(views, tuple(sizes), ((3,), (3,)), options, gain=True)
     x = np.array([0.5, 0.2, -0.3, 0.7, 0.6, 0.5])
     loss, slope, _ = objective.normal_equations(x)
     values = {

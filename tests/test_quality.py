@@ -139,7 +139,7 @@ def test_a_fit_that_cannot_succeed_ends_with_its_budget(ball):
     """The picture has another ball. The fit's result is its best, where the history ends."""
     target = wt.render(ball.add(wt.Sphere("b", center=(-1, 1, 0), radius=0.4, material="red")), 16)
     steps = []
-    result = wt.fit(ball.replace(FAR), target, wrt=[CENTER], budget=1, callback=steps.append)
+    result = wt.fit(ball.replace(FAR), target, wrt=[CENTER], budget=3, callback=steps.append)
     assert not result.quality.explained
     assert steps[-1].attempt > 0
     assert steps[-1].x.tolist() == pytest.approx(result.parameters[CENTER])

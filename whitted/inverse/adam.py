@@ -9,7 +9,7 @@ import drjit as dr
 import numpy as np
 from drjit.opt import Adam
 
-from .loss import Objective, arrays
+from .loss import Objective, arrays, numbers_in
 from .search import NO_SLOPE, Search
 
 # The first step at the finest resolution, in units of each number's scale, and the last step in
@@ -40,7 +40,7 @@ def adam(
         optimiser.set_learning_rate({name: shrink * float(scale) for name, scale in scales})
         values = dict(optimiser.items())
         loss = objective.gradient(values)
-        slope = _flat([dr.grad(value) for value in values.values()])
+        slope = numbers_in(dr.grad(value) for value in values.values())
         search.record(objective, loss, x, slope)
         if not slope.any() and best[0] == math.inf:
             return x, NO_SLOPE
@@ -54,15 +54,10 @@ def adam(
             break
         optimiser.step()
         search.steps += 1
-        x = _flat(optimiser.values())
+        x = numbers_in(optimiser.values())
         inside = search.bounded(x)
         if (inside != x).any():
             x = inside
             for name, value in arrays(scene, objective.parameters(x)).items():
                 optimiser[name] = value
     return best[1], "iterations used up"
-
-
-def _flat(values) -> np.ndarray:
-    """All numbers of some arrays."""
-    return np.concatenate([value.numpy().ravel() for value in values]).astype(np.float64)

@@ -52,8 +52,19 @@ def bounds_of(scene: Scene, names: list[str], asked: Bounds) -> tuple[np.ndarray
 
 
 def start_of(scene: Scene, name: str) -> np.ndarray:
-    """The numbers of a parameter."""
-    return np.asarray(scene.parameters(name)[name].numpy(), np.float64).ravel()
+    """The numbers of a parameter; of a cloud, sphere by sphere."""
+    return np.asarray(scene.parameters(name)[name].numpy(), np.float64).T.ravel()
+
+
+def shapes_of(scene: Scene, names: list[str]) -> tuple[tuple[int, ...], ...]:
+    """The shapes of parameters: () of a number, (3,) of a vector, (N,) or (N, 3) of a cloud."""
+    found = []
+    for name in names:
+        entry = scene.locations[name].entry
+        vector = (3,) if entry.size == 3 else ()
+        spheres = (start_of(scene, name).size // entry.size,) if entry.many else ()
+        found.append((*spheres, *vector))
+    return tuple(found)
 
 
 def _usual(entry: Parameter, start: np.ndarray) -> tuple[float, float]:
@@ -66,7 +77,7 @@ def _usual(entry: Parameter, start: np.ndarray) -> tuple[float, float]:
     least, most = usual.low, usual.high
     if usual.open:
         # Stay away from ends that do not belong to the range
-        least, most = LEAST * float(start[0]), most - LEAST
+        least, most = LEAST * float(start.min()), most - LEAST
     return least, most
 
 
@@ -99,7 +110,7 @@ def scales_of(scene: Scene, names: list[str]) -> np.ndarray:
 def _scale(scene: Scene, name: str) -> float:
     scale = scene.locations[name].entry.scale
     if scale.of == "radius":
-        return scale.part * float(start_of(scene, f"{name.rpartition('.')[0]}.radius")[0])
+        return scale.part * float(np.median(start_of(scene, f"{name.rpartition('.')[0]}.radius")))
     if scale.of == "view":
         eye, target = start_of(scene, "camera.position"), start_of(scene, "camera.look_at")
         return scale.part * float(np.linalg.norm(eye - target))

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..core.interrupts import forget, holding, insist, interruptible
 from ..scene.scene import Scene
-from .bounds import Bounds, bounds_of, scales_of, start_of
+from .bounds import Bounds, bounds_of, scales_of, shapes_of, start_of
 from .coarse_to_fine import Plan, coarse_to_fine
 from .convergence import Iteration, progress_bar
 from .loss import Objective
@@ -31,6 +31,8 @@ from .views import views_of
 
 # Why a fit stopped, after Ctrl-C
 INTERRUPTED = "interrupted"
+# Numbers that are fitted at once, at most: error bars take a derivative of the pictures for each
+MOST = 1000
 # For further tries
 SECONDS = 30.0
 
@@ -67,7 +69,8 @@ def fit(
             with a mask. The views share the parameters, and each counts for as much as it has
             pixels.
         target: linear RGB of shape (height, width, 3), as `read_image` gives it; not integers.
-        wrt: names of the parameters to fit, as in `Scene.parameters`; `*` stands for any part.
+        wrt: names of the parameters to fit, up to 1000 numbers, as in `Scene.parameters`; `*` stands
+            for any part of a name.
         method: "lm" (Levenberg-Marquardt), "adam", or "auto", which takes "lm" for up to 100
             numbers, and for up to 16 if all derivatives of all pixels take more than half a GiB.
         spp: samples a pixel, a perfect square.
@@ -119,18 +122,18 @@ def fit(
     views = views_of(scene, target, mask, resolution)
     first = views[0].scene
     names = list(first.parameters(*given))
-    for name in names:
-        if first.locations[name].entry.many:
-            remedy = "move clouds by an optimiser of drjit.opt, as in examples/beads.py"
-            raise ValueError(f"wrt: '{name}' has a number for each sphere of a cloud; {remedy}")
     for one in views:
         one.scene.parameters(*names)
     x = np.concatenate([start_of(first, name) for name in names])
-    sizes = tuple(start_of(first, name).size for name in names)
+    if not 0 < x.size <= MOST:
+        remedy = "an optimiser of drjit.opt takes any number, as in examples/beads.py"
+        raise ValueError(f"wrt: expected from 1 to {MOST} numbers, got {x.size}; {remedy}")
     options = {"spp": spp, "boundary": boundary, "max_depth": max_depth}
     check_robust(robust, gain)
     prior = prior_of(first, names, {} if priors is None else priors)
-    objective = Objective(tuple(views), tuple(names), sizes, options, gain, prior, robust)
+    objective = Objective(
+        tuple(views), tuple(names), shapes_of(first, names), options, gain, prior, robust
+    )
     low, high = bounds_of(first, names, bounds or {})
 
     with progress_bar(objective.labels()) if progress else nullcontext(lambda step: None) as show:

@@ -1,6 +1,7 @@
 """How far images are from their targets, and the derivatives of that by a scene's parameters."""
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from ..core.arrays import Array
 from ..core.host import to_array
 from ..rendering.samples import render_samples
+from ..scene.parameters import as_parameter
 from ..scene.scene import Scene
 from .priors import Prior
 from .robust import robust_loss, robust_weight
@@ -25,11 +27,17 @@ class Objective:
 
     views: tuple[View, ...]
     names: tuple[str, ...]
-    sizes: tuple[int, ...]  # numbers in each parameter
+    # Of each parameter: () of a number, (3,) of a vector, (N,) or (N, 3) of a cloud
+    shapes: tuple[tuple[int, ...], ...]
     options: dict[str, Any]  # of `render`
     gain: bool  # each channel may be brighter by a factor of its own
     prior: Prior | None = None
     robust: str | None = None  # the name of a robust loss
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """How many numbers each parameter has."""
+        return tuple(map(math.prod, self.shapes))
 
     @property
     def count(self) -> int:
@@ -50,14 +58,12 @@ class Objective:
 
     def parameters(self, x: np.ndarray) -> dict[str, Any]:
         """The parameters with the numbers of a vector, for `Scene.replace`."""
-        return split(dict(zip(self.names, map(np.zeros, self.sizes), strict=True)), x)
+        return split(dict(zip(self.names, map(np.zeros, self.shapes), strict=True)), x)
 
     def labels(self) -> list[str]:
         """A name for each number."""
-        sizes = zip(self.names, self.sizes, strict=True)
-        return [
-            name if size == 1 else f"{name}.{'xyz'[k]}" for name, size in sizes for k in range(size)
-        ]
+        shapes = zip(self.names, self.shapes, strict=True)
+        return [_label(name, place) for name, shape in shapes for place in np.ndindex(shape)]
 
     def render(self, view: View, values: Mapping[str, Any]) -> Array:
         """A view's image with these values of the parameters."""
@@ -140,7 +146,7 @@ class Objective:
             dr.backward_from(image)
         if self.prior is None:
             return loss / self.total
-        x = np.concatenate([value.numpy().ravel() for value in values.values()]).astype(float)
+        x = numbers_in(values.values())
         slope = self.prior.slope(x) * self.variance / self.total
         for name, part in arrays(self.views[0].scene, self.parameters(slope)).items():
             dr.set_grad(values[name], dr.grad(values[name]) + part)
@@ -194,27 +200,39 @@ class Objective:
         dr.enable_grad(values)
         image = self.render(view, values)
         columns = []
-        for name, size in zip(self.names, self.sizes, strict=True):
-            for axis in range(size):
-                for other, length in zip(self.names, self.sizes, strict=True):
-                    unit = [float(other == name and k == axis) for k in range(length)]
-                    dr.set_grad(values[other], type(values[other])(*unit))
-                column = dr.forward_to(image, flags=dr.ADFlag.ClearInterior)
-                columns.append(column.numpy().astype(np.float64))
-                dr.clear_grad(image)
+        for unit in np.eye(self.count):
+            for name, tangent in arrays(view.scene, self.parameters(unit)).items():
+                dr.set_grad(values[name], tangent)
+            column = dr.forward_to(image, flags=dr.ADFlag.ClearInterior)
+            columns.append(column.numpy().astype(np.float64))
+            dr.clear_grad(image)
         return image.numpy().astype(np.float64), columns
+
+
+def _label(name: str, place: tuple[int, ...]) -> str:
+    """The name of a number: of a vector, and of a cloud, its place is told."""
+    sphere, axis = (place[:1], place[1:]) if name.startswith("clouds.") else ((), place)
+    return ".".join([name, *map(str, sphere), *("xyz"[k] for k in axis)])
 
 
 def split(like: Mapping[str, Any], x: np.ndarray) -> dict[str, Any]:
     """The numbers of a vector by name; each name gets as many as its value has."""
     parts = np.split(x, np.cumsum([np.size(value) for value in like.values()])[:-1])
     return {
-        name: part.tolist() if len(part) > 1 else float(part[0])
-        for name, part in zip(like, parts, strict=True)
+        name: part.reshape(np.shape(value)).tolist()
+        for (name, value), part in zip(like.items(), parts, strict=True)
     }
+
+
+def numbers_in(values: Iterable[Array]) -> np.ndarray:
+    """All numbers of some parameters as one vector, sphere by sphere."""
+    return np.concatenate([dr.detach(value).numpy().T.ravel() for value in values]).astype(float)
 
 
 def arrays(scene: Scene, values: Mapping[str, Any]) -> dict[str, Array]:
     """Parameters as Dr.Jit arrays of a scene's types."""
-    types = {name: type(value) for name, value in scene.parameters(*values).items()}
-    return {name: types[name](*np.ravel(value).tolist()) for name, value in values.items()}
+    own = scene.parameters(*values)
+    return {
+        name: as_parameter(name, value, own[name], scene.locations[name].entry.many)
+        for name, value in values.items()
+    }
