@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import whitted as wt
-from whitted.inverse.bounds import start_of
+from whitted.inverse.bounds import shapes_of, start_of
 from whitted.inverse.loss import Objective
 from whitted.inverse.views import checked_view
 
@@ -149,9 +149,8 @@ def _least_deviations(scene: wt.Scene, names: list[str]) -> np.ndarray:
     """The deviation of each number for noise of 1 (Cramér and Rao's bound)."""
     width, height = scene.resolution
     view = checked_view(scene, np.zeros((height, width, 3)), None, None)
-    sizes = tuple(start_of(scene, name).size for name in names)
     options = {"spp": 4, "boundary": True, "max_depth": None}
-    objective = Objective((view,), tuple(names), sizes, options, False)
+    objective = Objective((view,), tuple(names), shapes_of(scene, names), options, False)
     _, _, curvature = objective.normal_equations(numbers(scene, names))
     diagonal = curvature.diagonal()
     if not (diagonal > 0).all():
