@@ -16,7 +16,6 @@ import whitted as wt
 from whitted import SceneError
 from whitted.core.ray import NONE, Ray
 from whitted.scene.many import MOST_ALONE
-from whitted.scene.structure import Structure
 from whitted.shapes import hierarchy
 from whitted.shapes.many import FIRST
 from whitted.tracing.intersect import closest_hit
@@ -84,18 +83,6 @@ def both_ways(precision, of, lights):
     return wt.Scene(spheres=single, **common), wt.Scene(clouds=clouds, **common)
 
 
-@pytest.fixture
-def alike(monkeypatch):
-    """Crowds of edges are sampled as among single spheres, which is finer."""
-    made = Structure.__init__
-
-    def init(self, scene):
-        made(self, scene)
-        self.few_alike = False
-
-    monkeypatch.setattr(Structure, "__init__", init)
-
-
 # What a scene is, and what it looks like
 
 
@@ -108,7 +95,7 @@ def test_picture_is_that_of_single_spheres_to_the_last_bit(precision):
     assert images[0].std() > 0.1
 
 
-def test_edges_and_derivatives_are_those_of_single_spheres(alike):
+def test_edges_and_derivatives_are_those_of_single_spheres():
     of = np.array([1, 1, 3, 3])
     single, cloud = both_ways("double", of, [LIGHT])
     np.testing.assert_allclose(*(wt.render(scene).numpy() for scene in (single, cloud)), atol=1e-12)

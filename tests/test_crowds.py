@@ -7,11 +7,18 @@ from drjit.llvm import ad
 from gradcheck import adjoint_error, image_error
 from samples import camera, keys, light, material, plane, sphere
 
+import whitted as wt
 from whitted import gradient, load_scene, render
 from whitted.edges import refinement, search, settings
 from whitted.edges.paths import bright_light, dim_light
-from whitted.edges.refinement import crowd_side, pixels_to_refine
+from whitted.edges.refinement import (
+    crowd_side,
+    crowds_everywhere,
+    pixels_to_refine,
+    searches_crowds,
+)
 from whitted.edges.representation import representation
+from whitted.rendering.job import BoundaryJob
 from whitted.sampling.differentiated import prepare
 from whitted.tracing.node import Limits
 from whitted.tracing.primary import image_ray
@@ -184,3 +191,18 @@ def test_the_derivative_of_a_crowd_comes_closer_with_the_samples(load):
     assert errors[0] > errors[1] > errors[2], errors
     # An answer of 0 is off by 1
     assert errors[1] < 0.3, errors
+
+
+def test_among_many_spheres_crowds_have_four_times_the_samples_and_are_not_searched():
+    def band(count):
+        rows = np.random.default_rng(0).uniform(0.1, 1, (count, 4))
+        matte = wt.Material("matte", color=(0.5, 0.5, 0.5))
+        eye = wt.Camera(position=(0, 0, 5), look_at=(0, 0, 0), fov=40, resolution=(16, 16))
+        scene = wt.Scene(eye, clouds=[wt.Cloud(spheres=rows, material=matte)])
+        job = BoundaryJob(scene, scene.inputs(), (16, 16), 2, 4, None)
+        return job.band(0, 16)
+
+    few, many = band(settings.MOST_SEARCHED), band(settings.MOST_SEARCHED + 1)
+    assert [crowds_everywhere(own) for own in (few, many)] == [False, True]
+    assert [searches_crowds(own) for own in (few, many)] == [True, False]
+    assert crowd_side(4, everywhere=True) == 8

@@ -23,7 +23,7 @@ from .correction import MovingPoints
 from .labels import labels_differ
 from .pairs import walk_order
 from .quadrature import Extra
-from .refinement import crowd_side
+from .refinement import crowd_side, crowds_everywhere
 from .slopes import Line
 from .tables import deposit
 
@@ -32,14 +32,14 @@ def coarse_blocks(band: Band, pixels: np.ndarray) -> list["Block"]:
     """Begin to trace the pixels where edges crowd, with half as many samples along a side as the
     image has there, but at least `settings.COARSE_SIDE`.
     """
-    side = crowd_side(band.side, band.structure.few_alike)
+    side = crowd_side(band.side, crowds_everywhere(band))
     return _blocks(band, pixels, min(max(side // 2, settings.COARSE_SIDE), side))
 
 
 def with_finer(coarse: list["Block"]) -> Iterator["Block"]:
     """The blocks with those that are busy taken out, and sampled as finely as the image is."""
     for block in coarse:
-        side, finer = crowd_side(block.band.side, block.band.structure.few_alike), []
+        side, finer = crowd_side(block.band.side, crowds_everywhere(block.band)), []
         block.find_pairs()
         if block.side < side:
             finer = _blocks(block.band, block.drop_busy(), side)

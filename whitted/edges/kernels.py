@@ -56,21 +56,20 @@ def rows_of_samples(
     y: Array,
     step: Array,
     count: Array,
-    dim: bool | None,
+    dim: bool,
 ) -> Array:
-    """The sum of radiance along rows of samples.
+    """The sum of radiance along rows of samples: that of dim rays, or that of all others.
 
     Args:
         x, y: image position of the first sample of each row.
         step, count: the distance of the samples, and how many they are.
-        dim: the light of dim rays alone; False for that of all others, None for that of all.
     """
     scene, frame = prepare(structure, parameters, size)
-    light, least = dim_light if dim else bright_light, None if dim is None else _dim(limits)
+    light = dim_light if dim else bright_light
 
     def sample(k, total):
         ray = image_ray(frame, size, x + step * type(x)(k), y)
-        return k + 1, total + light(scene, ray, limits, least)
+        return k + 1, total + light(scene, ray, limits, _dim(limits))
 
     state = dr.zeros(ad.UInt, dr.width(x)), dr.zeros(type(scene.background), dr.width(x))
     return dr.while_loop(state, lambda k, _: k < count, sample, mode="symbolic", label="row")[1]

@@ -107,7 +107,7 @@ def contrasted(scene: Scene, ray: Ray, path: Path, limits: Limits) -> tuple[Arra
     return light, joined(label)
 
 
-def bright_below(scene: Scene, root: Node, limits: Limits, least: Array | None) -> Array:
+def bright_below(scene: Scene, root: Node, limits: Limits, least: Array) -> Array:
     """Radiance of a node and of what is below it and weighs enough, times the weights."""
 
     def step(node, light):
@@ -118,8 +118,8 @@ def bright_below(scene: Scene, root: Node, limits: Limits, least: Array | None) 
     return walk(scene, limits, root, dr.zeros(type(root.o), dr.width(root)), step, "bright")
 
 
-def bright_light(scene: Scene, ray: Ray, limits: Limits, least: Array | None) -> Array:
-    """Radiance along rays from nodes that weigh enough; from all with None."""
+def bright_light(scene: Scene, ray: Ray, limits: Limits, least: Array) -> Array:
+    """Radiance along rays, but for what comes from nodes that weigh too little."""
     return bright_below(scene, Node.first(scene, ray), limits, least)
 
 

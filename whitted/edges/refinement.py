@@ -30,18 +30,23 @@ def finer_side(side: int) -> int:
     return side * (4 if side <= 4 else 2)
 
 
-def crowd_side(side: int, few_alike: bool = False) -> int:
+def crowd_side(side: int, everywhere: bool = False) -> int:
     """Samples along the side of a pixel where edges crowd.
 
-    Where few trees of rays are equal, as among many spheres, nearly all pixels are crowds. Then
-    four times the samples are what they can cost.
+    Args:
+        everywhere: nearly all pixels are crowds.
     """
-    return 2 * side if few_alike else {1: 4, 2: 10, 3: 12}.get(side, 4 * side)
+    return 2 * side if everywhere else {1: 4, 2: 10, 3: 12}.get(side, 4 * side)
+
+
+def crowds_everywhere(band: Band) -> bool:
+    """Whether nearly all pixels are crowds, as among many spheres."""
+    return band.structure.in_tree > settings.MOST_SEARCHED
 
 
 def searches_crowds(band: Band) -> bool:
     """Whether derivatives have crowds searched for their edges, like other pixels."""
-    return band.side >= settings.SEARCHED_SIDE and not band.structure.few_alike
+    return band.side >= settings.SEARCHED_SIDE and not crowds_everywhere(band)
 
 
 def crowd_means(band: Band, pixels: np.ndarray) -> Callable[[], np.ndarray]:
@@ -56,13 +61,8 @@ def crowd_means(band: Band, pixels: np.ndarray) -> Callable[[], np.ndarray]:
     Returns:
         A function that waits for the pixels' radiance: (N, 3).
     """
-    few_alike = band.structure.few_alike
-    # Among many spheres there are too few samples a pixel for a difference to be worth two walks
-    apart = band.structure.reflects and not few_alike
-    traced: list[tuple[int, bool | None]] = [
-        (crowd_side(band.side, few_alike), False if apart else None)
-    ]
-    if apart:
+    traced = [(crowd_side(band.side, crowds_everywhere(band)), False)]
+    if band.structure.reflects:
         traced.append((band.side, True))
     rows = [(side, list(_rows(band, pixels, side, dim))) for side, dim in traced]
 
@@ -82,7 +82,7 @@ def _rows(
     """The sums of the rows of samples in pixels, and how many rows they are.
 
     Args:
-        dim: of the light of dim rays; False for that of all others, None for that of all.
+        dim: of the light of dim rays, not of all others.
     """
     columns, first = band.resolution[0], (np.arange(side) + 0.5) / side
     step, count = dr.opaque(band.structure.precision.real, 1 / side), dr.opaque(ad.UInt, side)
@@ -94,16 +94,19 @@ def _rows(
         yield kernels.rows_of_samples(*band.inputs, *place, step, count, dim), len(x)
 
 
-def pixels_to_refine(samples: Samples, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def pixels_to_refine(
+    samples: Samples, ends: np.ndarray, everywhere: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
     """The pixels of a band to sample anew, in order: where edges meet, and where they crowd.
 
     Args:
         ends: (2, N), the pixels of neighbours with different labels.
+        everywhere: as of `crowd_side`.
     """
     pixels = candidates(ends, samples.side)
     count = label_counts(samples, pixels)
     most = settings.MEETING[samples.side > 1]
-    if samples.side >= settings.ALL_SEARCHED_SIDE and not samples.few_alike:
+    if samples.side >= settings.ALL_SEARCHED_SIDE and not everywhere:
         most = samples.labels.size
     return pixels[(count > 2) & (count <= most)], pixels[count > most]
 

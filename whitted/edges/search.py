@@ -21,7 +21,14 @@ from .grid import (
 )
 from .locate import Crossing, Segment
 from .pairs import Crossings, Moves, Pairs, interleaved, pairs_of
-from .refinement import crowd_means, crowd_side, finer_side, pixels_to_refine, searches_crowds
+from .refinement import (
+    crowd_means,
+    crowd_side,
+    crowds_everywhere,
+    finer_side,
+    pixels_to_refine,
+    searches_crowds,
+)
 from .tables import concatenated, deposit, rows_of
 
 # Called with the fraction done
@@ -42,7 +49,7 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
     few_alike = band.structure.few_alike
     samples = band_samples(grid, side, band.first_row, few_alike)
     neighbours = neighbours_across_edges(samples)
-    anew = pixels_to_refine(samples, neighbours[-1])
+    anew = pixels_to_refine(samples, neighbours[-1], crowds_everywhere(band))
     searched = keep and searches_crowds(band)
     parts = list(_parts(band, neighbours[-1], *anew, searched))
     found = []
@@ -85,7 +92,7 @@ def _parts(
         searched: crowds are searched as well.
     """
     finer, width = finer_side(band.side) ** 2, band.resolution[0]
-    dense = finer if searched else crowd_side(band.side, band.structure.few_alike) ** 2 // 16
+    dense = finer if searched else crowd_side(band.side, crowds_everywhere(band)) ** 2 // 16
     if ends.shape[1] + finer * refined.size + dense * crowded.size <= settings.SEARCHED:
         yield 0, band.rows
         return

@@ -62,6 +62,10 @@ MEETING = 2, 4
 # Who asks for many samples wants small errors. With the first number of samples along a pixel's
 # side, derivatives have crowds searched as well; with the second, images too.
 SEARCHED_SIDE, ALL_SEARCHED_SIDE = 4, 5
+# Among more spheres in a tree than this, nearly all pixels are crowds. They get twice the samples
+# along a side that other pixels have, and are never searched: that would take minutes, and be no
+# more accurate among a thousand mirrors.
+MOST_SEARCHED = 256
 # In pixels where edges crowd, the edge between two samples is left out if their radiance
 # differs by less than this part of the greatest radiance in the pixel.
 LEAST_CONTRAST = 1 / 64

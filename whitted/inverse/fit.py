@@ -69,8 +69,8 @@ def fit(
             with a mask. The views share the parameters, and each counts for as much as it has
             pixels.
         target: linear RGB of shape (height, width, 3), as `read_image` gives it; not integers.
-        wrt: names of the parameters to fit, up to 1000 numbers, as in `Scene.parameters`; `*` stands
-            for any part of a name.
+        wrt: names of the parameters to fit, up to 1000 numbers, as in `Scene.parameters`; `*`
+            stands for any part of a name.
         method: "lm" (Levenberg-Marquardt), "adam", or "auto", which takes "lm" for up to 100
             numbers, and for up to 16 if all derivatives of all pixels take more than half a GiB.
         spp: samples a pixel, a perfect square.

@@ -29,8 +29,9 @@ class Structure:
     def __init__(self, scene: "Contents") -> None:
         self.features = scene.features
         self.reflects = reflects(scene)
-        # Few trees of rays are equal
-        self.few_alike = bool(scene.sources)
+        # How many spheres a tree finds. With some, few trees of rays are equal
+        self.in_tree = scene.sources[-1].rows.stop if scene.sources else 0
+        self.few_alike = self.in_tree > 0
         self.precision = scene.precision
         materials = _places(scene.materials)
         changed: dict[str, Any] = {
@@ -80,7 +81,7 @@ class Structure:
             return None
         names = tuple(materials[name] for name in materials_of_many(scene.sources))
         facts, anything = scene.marked[0], scene.background
-        return ManySpheres(names, scene.sources[-1].rows.stop, facts, *(anything,) * len(OF_MANY))
+        return ManySpheres(names, self.in_tree, facts, *(anything,) * len(OF_MANY))
 
     def _features(self, materials: Mapping[str, str]) -> Features:
         """The features of the scene, by the names in kernels."""
