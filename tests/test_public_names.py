@@ -76,6 +76,7 @@ MEMBERS = {
         "fixed": "field",
         "folder": "field",
         "from_dict": "(tables, precision='single')",
+        "gathered": "property",
         "gathering": "(self, gathered)",
         "inputs": "(self)",
         "lights": "field",

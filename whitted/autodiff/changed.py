@@ -40,7 +40,7 @@ def changed(scene: Scene, names: Iterable[str]) -> Changed | None:
         else:
             return None
     many = scene.many
-    if many is not None and many.gathered is not None:
+    if scene.gathered is not None:
         shapes.add(MANY)
     others = many is not None and not (MANY in shapes or many.made_from <= materials)
     if not others and all(x.name in shapes or x.material in materials for x in scene.shapes):

@@ -58,8 +58,8 @@ def attached(
     dr.set_grad(inputs, (tangent.o, tangent.d, tangent.weight, dict(tangents)))
     o, d, weight, values = inputs
     there, rows = scene.carrying(values), []
-    if there.many is not None and there.many.gathered is not None:
-        gathered = there.many.gathered.anew()
+    if scene.gathered is not None:
+        gathered = scene.gathered.anew()
         there, rows = there.gathering(gathered), gathered.rows
     return (inputs, rows), there, Node(o, d, weight, node.link)
 

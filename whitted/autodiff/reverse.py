@@ -143,8 +143,8 @@ class Tree:
         values, o, d = dr.detach(dict(self.wide)), dr.detach(node.o), dr.detach(node.d)
         dr.enable_grad(values, o, d)
         scene = self.scene.carrying(values)
-        if scene.many is not None and scene.many.gathered is not None:
-            scene = scene.gathering(scene.many.gathered.anew())
+        if scene.gathered is not None:
+            scene = scene.gathering(scene.gathered.anew())
         return scene, Node(o, d, node.weight, node.link), values
 
     def where(self, moves, differentiated, node, hit, sums, *more):
@@ -233,6 +233,6 @@ def choose(condition: Array, a: Branch, b: Branch) -> Branch:
 
 def added(sums: Parameters, values: Parameters, scene: Scene) -> dict[str, Array]:
     """The sums with the derivatives that reverse mode has brought to some values of a scene."""
-    if scene.many is not None and scene.many.gathered is not None:
-        scene.many.gathered.add()
+    if scene.gathered is not None:
+        scene.gathered.add()
     return {name: sums[name] + dr.grad(values[name]) for name in sums}

@@ -76,9 +76,7 @@ def crowd_means(band: Band, pixels: np.ndarray) -> Callable[[], np.ndarray]:
     return finish
 
 
-def _rows(
-    band: Band, pixels: np.ndarray, side: int, dim: bool | None
-) -> Iterator[tuple[Array, int]]:
+def _rows(band: Band, pixels: np.ndarray, side: int, dim: bool) -> Iterator[tuple[Array, int]]:
     """The sums of the rows of samples in pixels, and how many rows they are.
 
     Args:

@@ -252,6 +252,11 @@ class Contents(Surroundings):
         many = () if self.many is None else (self.many,)
         return *sets_of(self.singles, self.features.places), *many
 
+    @property
+    def gathered(self) -> Gathered | None:
+        """In a kernel: where derivatives by these spheres are taken; None where none are."""
+        return None if self.many is None else self.many.gathered
+
     def gathering(self: Own, gathered: Gathered) -> Own:
         """In a kernel: the scene with derivatives by the spheres that a tree finds."""
         return self._with(many=replace(self.many, gathered=gathered))  # type: ignore[type-var]
