@@ -26,7 +26,7 @@ from samples import sphere as ball
 from whitted import load_scene, render
 from whitted.edges import settings
 from whitted.rendering import job
-from whitted.tracing.primary import camera_frame, primary_ray
+from whitted.tracing.primary import camera_frame, image_ray
 
 AHEAD = camera([0, 0, 4], fov=40, resolution=(32, 32))
 GLOW = keys(ambient=[1, 1, 1])
@@ -718,7 +718,8 @@ def test_dozens_of_edges_between_two_samples_are_all_found():
     """
     scene = load_scene(next(path for path in SHIPPED if path.stem == "whitted1980"), "double")
     real = scene.precision.real
-    ahead = primary_ray(camera_frame(scene.camera, real(1)), real(0.352), real(-0.102))
+    size = scene.precision.vector2(2, 2)
+    ahead = image_ray(camera_frame(scene.camera, real(2)), size, real(1.352), real(1.102))
     half = np.tan(np.radians(scene.camera.fov.numpy()[0] / 2))
     name, direction = "spheres.mirror.center", np.array([0.3, -0.8, -0.5])
     zoomed = scene.replace(

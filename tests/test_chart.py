@@ -17,6 +17,7 @@ from whitted.files.figures import figure_of, legend_below
 from whitted.measure import plots, scaling
 from whitted.measure.analysis import fastest, front, slope
 from whitted.measure.chart import NAMES, chart, report
+from whitted.measure.experiments import EXPERIMENTS
 from whitted.measure.plots import Plot, draw_plots
 from whitted.measure.point_labels import label_points
 from whitted.measure.store import Store
@@ -71,7 +72,7 @@ def test_report_has_all_groups_and_is_resumed(scene, tmp_path, capsys, monkeypat
     release, done = stored["conditions"]["whitted"], []
     monkeypatch.setattr("whitted.measure.setup.in_turns", fail)
     chart(scene, folder, release, size=(24, 24), quick=True, progress=done.append)
-    assert done == pytest.approx(np.arange(1, 11) / 10)
+    assert done == pytest.approx(np.arange(1, 12) / 11)
     with pytest.raises(AssertionError):
         chart(scene, folder, "another", size=(24, 24), quick=True)
 
@@ -232,8 +233,7 @@ def test_every_axis_says_what_it_is(tmp_path, monkeypatch):
     rows = [{"kind": kind, "name": f"{kind}, a"} for kind in ("plain AD", "boundary")]
     numbers = {"ms": 1, "spread": 0, "error": 1, "x": 1, "mib": 1, "compile_s": 0}
     rows = [row | numbers | {"depth": 1, "least": 0} for row in rows]
-    names = ("image", "depth", "importance", "gradient", "modes", *plots.GROWTH, "memory")
-    draw_plots(tmp_path, dict.fromkeys(names, rows), "camera.fov")
+    draw_plots(tmp_path, dict.fromkeys(EXPERIMENTS, rows), "camera.fov")
     assert len(figures) == len(plots.FILES)
     for axes in (axes for figure in figures for axes in figure.axes):
         for label in (axes.get_xlabel(), axes.get_ylabel()):

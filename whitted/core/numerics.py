@@ -9,13 +9,6 @@ import drjit as dr
 from .arrays import Array
 
 
-def safe_normalize(v: Array) -> Array:
-    """v / |v|, and zero, with a zero gradient, where v is zero."""
-    squared = dr.squared_norm(v)
-    positive = squared > 0
-    return dr.select(positive, v * dr.rsqrt(dr.select(positive, squared, 1)), 0)
-
-
 def safe_sqrt(x: Array) -> Array:
     """The square root, and zero, with a zero gradient, where x is not above zero."""
     positive = x > 0

@@ -36,9 +36,12 @@ def labelled_image(
     scene, frame = prepare(structure, parameters, film.size)
     labels = dr.empty(ad.UInt64 if weights_vary(scene) else ad.UInt32, film.labels)
     row = (film.width + 2 * film.margin) * film.side
+    # Labels depend on the order of nodes, which some levels in front of a loop would change
+    levels = min(limits.levels, 1) if limits.loops else limits.levels
 
     def of_sample(x, y, i, j):
-        color, label = labelled_radiance(scene, sample_ray(frame, film, x, y, i, j), limits)
+        ray = sample_ray(frame, film, x, y, i, j)
+        color, label = labelled_radiance(scene, ray, limits, levels=levels)
         place = ((y + film.margin) * film.side + j) * row + (x + film.margin) * film.side + i
         dr.scatter(labels, label, ad.UInt32(place))
         return color

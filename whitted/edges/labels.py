@@ -107,7 +107,7 @@ def _is_dark(scene: Scene, ray: Ray, at: Surface, light: Incident) -> Array:
     dark = _shows_light(scene, at) & faces & light.dark
     if glossy(scene):
         specular, shininess = highlight(scene, at)
-        shine = specular * blinn_phong(ray.d, at.n, light.toward.direction, shininess)
+        shine = specular * blinn_phong(ray.d, at.n, light.toward, light.cosine, shininess)
         dark |= at.hits & ~faces & (shine > LEAST_HIGHLIGHT)
     return dark
 
@@ -151,12 +151,13 @@ def heavy(seen: Visit, least: Array | None) -> list[Array]:
 
 
 def labelled_radiance(
-    scene: Scene, ray: Ray, limits: Limits, least: Array | None = None
+    scene: Scene, ray: Ray, limits: Limits, least: Array | None = None, levels: int = 0
 ) -> tuple[Array, Array]:
     """Radiance along rays, and the labels of their trees.
 
     Args:
         least: the least weight of the nodes whose light counts; below that of those in labels.
+        levels: of straight code, as in `walk`.
     """
 
     def step(node: Node, state: tuple[Array, Halves]) -> tuple:
@@ -168,7 +169,8 @@ def labelled_radiance(
 
     width = dr.width(ray)
     state = dr.zeros(type(ray.o), width), first_label(scene, limits, width)
-    light, label = walk(scene, limits, Node.first(scene, ray), state, step, "labelled_radiance")
+    root = Node.first(scene, ray)
+    light, label = walk(scene, limits, root, state, step, "labelled_radiance", levels)
     return light, joined(label)
 
 

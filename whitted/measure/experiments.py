@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from .derivative_errors import gradient, modes
 from .image_errors import depth, image, importance
-from .scaling import lights, memory, parameters, pixels, spheres
+from .scaling import lights, memory, parameters, pixels, spheres, unrolled
 from .setup import Setup
 from .store import Rows
 
@@ -15,6 +15,7 @@ EXPERIMENTS: dict[str, Callable[[Setup], Rows]] = {
     "importance": importance,
     "gradient": gradient,
     "modes": modes,
+    "unrolled": unrolled,
     "pixels": pixels,
     "spheres": spheres,
     "lights": lights,

@@ -23,7 +23,8 @@ TIME, RATIO = "median time of a call (ms)", " (1 is 100 %)"
 # Logarithmic axes have no place for a compile time of 0, of a kernel that was in the cache
 LEAST = 1e-3
 FILES = tuple(
-    f"{name}.png" for name in ("image", "limits", "gradient", "modes", *GROWTH, "compile", "memory")
+    f"{name}.png"
+    for name in ("image", "limits", "gradient", "modes", "unrolled", *GROWTH, "compile", "memory")
 )
 
 
@@ -47,6 +48,7 @@ def draw_plots(folder: Path, groups: Mapping[str, Rows], parameter: str) -> list
         _limits(folder, groups),
         _gradient(folder, groups["gradient"], parameter),
         _modes(folder, groups["modes"], parameter),
+        _unrolled(folder, groups["unrolled"]),
         *(_growth(folder, name, groups[name]) for name in GROWTH),
         _compiling(folder, groups),
         _memory(folder, groups["memory"]),
@@ -103,6 +105,27 @@ def _modes(folder: Path, rows: Rows, parameter: str) -> Plot:
         f"Error of one weighted sum of d image / d {parameter} against time, in forward mode, and "
         "in reverse mode by that parameter alone and by all parameters.",
     )
+
+
+def _unrolled(folder: Path, rows: Rows) -> Plot:
+    places = [(row["compile_s"], row["ms"]) for row in rows]
+    figure, axes = figure_of(1, 3.4)
+    axes.plot(*zip(*places, strict=True), "o-", ms=4, label="plain samples, 256 x 256 pixels")
+    axes.set(
+        xlabel="compile time (s)",
+        ylabel=TIME,
+        xlim=(0, None),
+        ylim=(0, 1.3 * max(row["ms"] for row in rows)),
+    )
+    axes.grid(alpha=0.3)
+    legend_below(figure)
+    label_points(figure, axes, places, [f"unroll={row['x']}" for row in rows])
+    _save(folder / "unrolled.png", figure)
+    caption = (
+        "Time against compile time, by the levels of the tree of rays that are straight code in "
+        "front of a loop."
+    )
+    return Plot(folder / "unrolled.png", caption)
 
 
 def _growth(folder: Path, name: str, rows: Rows) -> Plot:

@@ -15,6 +15,7 @@ import drjit as dr
 from ..inverse.bounds import start_of
 from ..rendering.gradient import gradient
 from ..rendering.samples import render_samples
+from ..scene.features import reflects
 from ..scene.files import load_scene
 from ..scene.scene import Scene
 from .enlarged import more_lights, more_spheres
@@ -39,6 +40,19 @@ def pixels(setup: Setup) -> Rows:
         }
         rows += _times(setup, calls, kind, [n * n for n in sides])
     return rows
+
+
+def unrolled(setup: Setup) -> Rows:
+    """Time and compile time against the levels of the tree of rays that are straight code."""
+    scene = setup.single
+    deepest = min(scene.max_depth, 3 if setup.quick else 5) if reflects(scene) else 0
+    calls = {
+        f"unroll {n}": partial(
+            render_samples, scene, boundary=False, resolution=(256, 256), unroll=n
+        )
+        for n in range(deepest + 1)
+    }
+    return _times(setup, calls, "plain", range(deepest + 1))
 
 
 def spheres(setup: Setup) -> Rows:

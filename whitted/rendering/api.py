@@ -16,6 +16,7 @@ def render(
     terms: str = "both",
     max_depth: int | None = None,
     resolution: tuple[int, int] | None = None,
+    unroll: int | None = None,
     progress: Report | bool | None = None,
 ) -> Array:
     """Render a scene, differentiably in the parameters that `Scene.replace` gave it.
@@ -35,6 +36,10 @@ def render(
             sum.
         max_depth: nodes on the longest chain of rays, in place of the scene's.
         resolution: width and height in pixels, in place of the scene's.
+        unroll: levels of the tree of rays that are straight code, in front of a loop for the rest.
+            0 is the loop alone; from max_depth on there is no loop. It changes time and compile
+            time, and pixels by rounding. At most 6 where materials both reflect and refract, or
+            else 64 [default: as pays in the scene].
         progress: called with the fraction done, in (0, 1], after each part of the work. True
             shows a bar on standard error within a second, if that is a terminal.
 
@@ -70,5 +75,6 @@ def render(
             terms=terms,
             max_depth=max_depth,
             resolution=resolution,
+            unroll=unroll,
             progress=report,
         )

@@ -15,6 +15,7 @@ from ..edges.settings import LEAST_WEIGHT
 from ..sampling import kernels
 from ..sampling.band import Band
 from ..sampling.film import Film
+from ..scene.features import branches_out
 from ..scene.scene import Scene
 from ..scene.structure import Structure
 from ..tracing.node import Limits
@@ -36,14 +37,28 @@ class Job:
     max_depth: int
     side: int  # samples along a pixel's side
     progress: Callable[[float], None] | None
+    unroll: int | None = None  # levels of trees in straight code [default: what pays]
 
     @property
     def limits(self) -> Limits:
         least, real = self.scene.min_importance, self.scene.precision.real
         importance = dr.opaque(real, least) if least > 0 else None
+        wanted = self._levels_that_pay() if self.unroll is None else self.unroll
+        levels = min(wanted, self.max_depth)
+        # At first the nodes below the straight levels wait on the stack, all but one
+        most = self.max_depth - levels + (2**levels - 1 if branches_out(self.scene) else 0)
         # A stack's size is compiled in. Powers of two are few
-        capacity = max(LEAST_CAPACITY, 1 << (self.max_depth - 1).bit_length())
-        return Limits(capacity, dr.opaque(ad.UInt32, self.max_depth), importance)
+        return Limits(
+            capacity=max(LEAST_CAPACITY, 1 << (most - 1).bit_length()),
+            depth=dr.opaque(ad.UInt32, self.max_depth),
+            importance=importance,
+            levels=levels,
+            loops=levels < self.max_depth,
+        )
+
+    def _levels_that_pay(self) -> int:
+        """By measurement: see `tracing.recursion`."""
+        return 1 if branches_out(self.scene) else 0
 
     def bands(self) -> Iterator[tuple[int, int]]:
         """First row and rows of each band."""
@@ -121,6 +136,10 @@ class BoundaryJob(Job):
     def limits(self) -> Limits:
         faint = dr.opaque(self.scene.precision.real, LEAST_WEIGHT / self.side**2)
         return replace(super().limits, faint=faint)
+
+    def _levels_that_pay(self) -> int:
+        """None: of the kernels for edges, images take a small part of the time."""
+        return 0
 
     def image(self) -> Array:
         return self._assemble(self._correct)

@@ -15,10 +15,13 @@ from ..core.arrays import Array
 from ..core.derivatives import LOCK, operation
 from ..core.interrupts import heed, held
 from ..edges.correction import TERMS
+from ..scene.features import branches_out
 from ..scene.scene import MAX_DEPTH, Scene
 from .job import BoundaryJob, Job
 
 MAX_SPP = 1 << 16
+# Levels of trees in straight code: 63 nodes of a tree, which compile for some seconds
+MAX_LEVELS, MAX_LEVELS_OF_CHAINS = 6, 64
 
 
 def render_samples(
@@ -29,6 +32,7 @@ def render_samples(
     terms: str = "both",
     max_depth: int | None = None,
     resolution: tuple[int, int] | None = None,
+    unroll: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Array:
     """`render` with a given number of samples: its arguments, its result and its errors."""
@@ -46,6 +50,13 @@ def render_samples(
         raise ValueError(
             f"max_depth: expected a whole number from 1 to {MAX_DEPTH}, got {max_depth!r}"
         )
+    most = MAX_LEVELS if branches_out(scene) else MAX_LEVELS_OF_CHAINS
+    if unroll is not None and not _is_whole(unroll, 0, most):
+        shape = "branch" if branches_out(scene) else "form chains"
+        raise ValueError(
+            f"unroll: expected a whole number from 0 to {most}, since the scene's rays {shape}, "
+            f"got {unroll!r}"
+        )
     size = checked_resolution(scene.resolution if resolution is None else resolution)
     check_memory(*size, dr.itemsize_v(scene.background))
     parameters = scene.inputs()
@@ -53,7 +64,7 @@ def render_samples(
     dr.make_opaque(parameters)
     wrt = {name: value for name, value in parameters.items() if dr.grad_enabled(value)}
     still = dr.detach(parameters) if wrt else parameters
-    about = scene, still, size, int(max_depth or scene.max_depth), side, progress
+    about = scene, still, size, int(max_depth or scene.max_depth), side, progress, unroll
     job = BoundaryJob(*about, terms, keep=bool(wrt)) if boundary else Job(*about)
     with LOCK:
         image = job.image()

@@ -31,7 +31,7 @@ def prepare(structure: Structure, parameters: Parameters, size: Array) -> tuple[
     shapes = tuple(shape.prepared() for shape in scene.shapes)
     lights = tuple(light.prepared() for light in scene.lights)
     prepared = replace(scene, shapes=shapes, lights=lights)
-    frame = camera_frame(scene.camera, size.x / size.y)
+    frame = camera_frame(scene.camera, size.y)
     dr.eval(prepared, frame)
     return prepared, frame
 

@@ -57,7 +57,7 @@ class FlatShape(Shape):
 
     def _meeting(self, o: Array, d: Array) -> Array:
         """The distance at which a line meets the plane."""
-        return -self.level(o) / dr.dot(self.normal, d)
+        return -self.level(o) * dr.rcp(dr.dot(self.normal, d))
 
     def prepared(self: Own) -> Own:
         unit: Any = replace(self, normal=dr.normalize(self.normal))  # type: ignore[call-arg]

@@ -7,7 +7,7 @@ import numpy as np
 from ..core.arrays import PRECISIONS, Precision
 from ..scene.camera import Camera
 from ..shapes import Sphere
-from ..tracing.primary import camera_frame, primary_ray
+from ..tracing.primary import camera_frame, image_ray
 from .arrays import count, numbers_of, rounded, vectors_of, worst
 from .case import Case, Chart, Check, Curve
 from .rays import intersect, sphere_at
@@ -102,8 +102,9 @@ def _look_at_error(p: Precision) -> float:
     directions = []
     for length in (1e-4, 1.0, 1e4):
         target = p.vector(*(length * x for x in (0.25, -0.5, -1)))
-        frame = camera_frame(Camera(p.vector(0), target, p.real(40)), p.real(1))
-        directions.append(primary_ray(frame, p.real(0.3), p.real(-0.7)).d.numpy())
+        frame = camera_frame(Camera(p.vector(0), target, p.real(40)), p.real(2))
+        ray = image_ray(frame, p.vector2(2, 2), p.real(1.3), p.real(1.7))
+        directions.append(ray.d.numpy())
     return worst(np.array(directions) - directions[1])
 
 

@@ -23,6 +23,9 @@ class Limits:
     importance: Array | None  # a child whose product of weights is below it is not traced
     # Edges at nodes whose product of weights is below it are left to the samples
     faint: Array = None
+    # Levels of trees that images have as straight code, and whether a loop for the rest follows
+    levels: int = 0
+    loops: bool = True
 
 
 # The parts of a `Link`: the number of the primitive that the ray starts on; whether the ray leaves

@@ -2,10 +2,23 @@
 
     L(ray, depth) = emitted + w_r L(reflected, depth + 1) + w_t L(refracted, depth + 1)
 
-The binary tree of rays is walked depth first by one loop with a small stack, reflection before
-refraction. A packet of rays takes as many steps as the largest tree among its rays has nodes, and a
-node is compiled once, whatever the depth. Scenes in which no material both reflects and refracts
-get a chain without a stack, and scenes with neither a single node without a loop.
+The first levels of the binary tree of rays can be straight code, in which a packet of rays skips
+the nodes that none of its rays needs. The rest is walked depth first by one loop with a small
+stack, reflection before refraction. There a packet takes as many steps as the largest tree among
+its rays has nodes, and a node is compiled once, whatever the depth. Scenes in which no material
+both reflects and refracts get a chain, whose loop needs no stack, and scenes with neither a single
+node without a loop.
+
+How many levels are straight code:
+
+| rays | levels | why |
+|---|---|---|
+| trees | 1 | an image takes 0 to 4 % less time, for 0.1 s more of compiling |
+| chains | 0 | they gain nothing: levels of straight code take up to 3 % more time |
+
+Each further level of a tree doubles its code and its compile time, and gains nothing that can be
+measured: a tree of five levels compiles for 2.6 s (AVX-512, LLVM 15; `whitted chart` measures a
+scene). With edges it is the loop alone, in kernels that compile for seconds as it is.
 
 Source: T. Whitted, "An Improved Illumination Model for Shaded Display", CACM 23(6), 1980.
 """
@@ -47,17 +60,20 @@ def radiance(scene: Scene, ray: Ray, limits: Limits) -> Array:
         return light, seen.children, seen.traced
 
     dark = dr.zeros(type(ray.o), dr.width(ray))
-    return walk(scene, limits, Node.first(scene, ray), dark, step, "radiance")
+    return walk(scene, limits, Node.first(scene, ray), dark, step, "radiance", limits.levels)
 
 
-def walk(scene: Scene, limits: Limits, root: Any, state: State, step: Step, label: str) -> State:
-    """Walk through trees of nodes, depth first.
+def walk(
+    scene: Scene, limits: Limits, root: Any, state: State, step: Step, label: str, levels: int = 0
+) -> State:
+    """Walk through trees of nodes: the first levels, and then what is below them, depth first.
 
     Args:
         root: the first node, or any structure of arrays that stands for one.
         state: what has been found before the first node, as wide as the wavefront.
         step: called with each node.
         label: of the loop, for Dr.Jit.
+        levels: of straight code; all that `limits` allow, or fewer.
 
     Returns:
         What has been found.
@@ -72,9 +88,41 @@ def walk(scene: Scene, limits: Limits, root: Any, state: State, step: Step, labe
 
     width = dr.width(root)
     size = dr.zeros(type(limits.depth), width)
-    stack = Stack.allocate(limits.capacity if branches_out(scene) else 0, size, root)
-    start = root, state, stack, dr.ones(dr.mask_t(size), width)
+    capacity = limits.capacity if branches_out(scene) else 0
+    node, active = root, dr.ones(dr.mask_t(size), width)
+    if levels:
+        # Below the straight levels of a chain there is one node
+        below = max(capacity, 1) if limits.loops else 0
+        state, stack = _straight(levels, step, node, state, Stack.allocate(below, size, root))
+        if not limits.loops:
+            return state
+        active = stack.size > 0
+        stack, node = stack.pop(active, node)
+    if not (levels and capacity):
+        stack = Stack.allocate(capacity, size, root)
+    start = node, state, stack, active
     return dr.while_loop(start, lambda *s: s[-1], body, mode="symbolic", label=label)[1]
+
+
+def _straight(
+    levels: int, step: Step, node: Any, state: State, stack: Stack
+) -> tuple[State, Stack]:
+    """Some levels of a tree in straight code, and the stack with the nodes below them."""
+    state, children, onward = step(node, state)
+    both = list(zip(children, onward, strict=True))
+    if levels == 1:
+        # The first child is taken off first
+        for child, active in reversed(both):
+            stack = stack.push(active, child)
+        return state, stack
+
+    def deeper(child, state, stack):
+        return child, *_straight(levels - 1, step, child, state, stack)
+
+    for child, active in both:
+        start = child, state, stack
+        _, state, stack = dr.if_stmt(start, active, deeper, lambda *unchanged: unchanged)
+    return state, stack
 
 
 def _go_on(stack: Stack, active: list[Array], children: list[Any]) -> tuple[Stack, Array, Any]:

@@ -8,9 +8,9 @@ half vector, J. F. Blinn, "Models of Light Reflection for Computer Synthesized P
 import drjit as dr
 
 from ..core.arrays import Array
-from ..core.numerics import safe_normalize
 from ..core.power import power
 from ..core.ray import Ray
+from ..lights.light import Toward
 from ..scene.features import glossy, may
 from ..scene.scene import Scene
 from .shadow import incident
@@ -27,7 +27,7 @@ def emitted(scene: Scene, ray: Ray, at: Surface) -> Array:
         sent = color * seen.cosine
         if gloss is not None:
             specular, shininess = gloss
-            sent += specular * blinn_phong(ray.d, at.n, seen.toward.direction, shininess)
+            sent += specular * blinn_phong(ray.d, at.n, seen.toward, seen.cosine, shininess)
         arriving = light.arriving(seen.toward)
         if seen.transmitted is not None:
             arriving = arriving * seen.transmitted
@@ -42,6 +42,11 @@ def highlight(scene: Scene, at: Surface) -> tuple[Array, Array]:
     return lookup(scene, at, "specular"), shininess
 
 
-def blinn_phong(d: Array, n: Array, to_light: Array, shininess: Array) -> Array:
-    """max(0, n . h)^shininess, h the direction halfway between the light and the viewer."""
-    return power(dr.dot(n, safe_normalize(to_light - d)), shininess)
+def blinn_phong(d: Array, n: Array, toward: Toward, cosine: Array, shininess: Array) -> Array:
+    """max(0, n . h)^shininess, h the direction halfway between the light and the viewer.
+
+    n . h is the sum of two cosines, which are known, over the length of the sum of directions.
+    """
+    squared = dr.squared_norm(toward.direction - d)
+    over_length = dr.rsqrt(dr.select(squared > 0, squared, 1))
+    return power((cosine - dr.dot(n, d)) * over_length, shininess)

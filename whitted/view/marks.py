@@ -37,9 +37,7 @@ def label_edges(scene: Scene, resolution: tuple[int, int], max_depth: int) -> Ar
     inputs = scene.inputs()
     dr.make_opaque(inputs)
     with LOCK:
-        job = BoundaryJob(
-            scene, dr.detach(inputs), resolution, max_depth, 1, None, "both", keep=False
-        )
+        job = BoundaryJob(scene, dr.detach(inputs), resolution, max_depth, 1, None)
         band = job.band(0, height)
         _, labels = labelled_image(scene.structure, job.parameters, band.film(1), job.limits)
         return _label_edges(labels, *_numbers(width, height), width * height)
