@@ -16,6 +16,7 @@ def render(
     terms: str = "both",
     max_depth: int | None = None,
     resolution: tuple[int, int] | None = None,
+    rows: tuple[int, int] | None = None,
     progress: Report | bool | None = None,
 ) -> Array:
     """Render a scene, differentiably in the parameters that `Scene.replace` gave it.
@@ -35,12 +36,15 @@ def render(
             sum.
         max_depth: nodes on the longest chain of rays, in place of the scene's.
         resolution: width and height in pixels, in place of the scene's.
+        rows: the first row and the number of rows of a band of the image, counted from 0 at the
+            top. Its pixels are those of the whole image, to the last bit; derivatives of bands add
+            up to that of the whole. Not with error.
         progress: called with the fraction done, in (0, 1], after each part of the work. True
             shows a bar on standard error within a second, if that is a terminal.
 
     Returns:
         Linear RGB radiance, a `TensorXf` (`TensorXf64` in double precision) of shape (height,
-        width, 3).
+        width, 3); of rows, (count, width, 3).
 
     Raises:
         TypeError: no scene is given, but its name, say.
@@ -55,6 +59,10 @@ def render(
         for name, given in (("spp", spp != 1), ("boundary", boundary is not None)):
             if given:
                 raise ValueError(f"error: chooses {name} itself; leave {name} out, or error")
+        if rows is not None:
+            raise ValueError(
+                "rows: error may choose other samples for each band; give spp in place of error"
+            )
         if terms != "both":
             raise ValueError(
                 f"error: may choose boundary=False, which has no terms={terms!r}; leave terms out, "
@@ -70,5 +78,6 @@ def render(
             terms=terms,
             max_depth=max_depth,
             resolution=resolution,
+            rows=rows,
             progress=report,
         )

@@ -38,7 +38,7 @@ def label_edges(scene: Scene, resolution: tuple[int, int], max_depth: int) -> Ar
     dr.make_opaque(inputs)
     with LOCK:
         job = BoundaryJob(
-            scene, dr.detach(inputs), resolution, max_depth, 1, None, "both", keep=False
+            scene, dr.detach(inputs), resolution, max_depth, 1, None, terms="both", keep=False
         )
         band = job.band(0, height)
         _, labels = labelled_image(scene.structure, job.parameters, band.film(1), job.limits)
