@@ -51,7 +51,7 @@ NAMES = {
     "read_image": "(path, layer=None)",
     "render": (
         "(scene, spp=1, *, error=None, boundary=None, terms='both', max_depth=None, "
-        "resolution=None, progress=None)"
+        "resolution=None, rows=None, unroll=None, progress=None)"
     ),
     "show": "(image)",
     "to_srgb": "(image)",

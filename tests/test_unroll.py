@@ -82,9 +82,9 @@ def test_stack_has_room_for_the_nodes_below_straight_levels():
     """After six levels, 63 nodes wait, and from the last one the loop goes two levels deeper."""
     scene = load_scene("nested")
     for levels, capacity in ((0, 8), (1, 8), (2, 16), (6, 128)):
-        limits = Job(scene, {}, (8, 8), 8, 1, None, levels).limits
+        limits = Job(scene, {}, (8, 8), 8, 1, None, unroll=levels).limits
         assert (limits.levels, limits.capacity, limits.loops) == (levels, capacity, True)
-    assert not Job(scene, {}, (8, 8), 6, 1, None, 6).limits.loops
+    assert not Job(scene, {}, (8, 8), 6, 1, None, unroll=6).limits.loops
 
 
 @pytest.mark.parametrize(("wrong", "most"), [(-1, 6), (7, 6), (2.0, 6), (True, 6), (65, 64)])

@@ -28,8 +28,15 @@ class Samples:
     twin: np.ndarray | None
     side: int  # samples along a pixel's side
     first: int  # number of the first sample
-    top: int  # to be added to y
+    top: int  # the row of pixels from which y counts
     few_alike: bool = False  # few trees of rays are equal
+
+    def heights(self, place: np.ndarray) -> np.ndarray:
+        """The image positions y at some places, the same in every band, to the last bit."""
+        if not self.top:
+            return self.y.take(place)
+        row = place // self.labels.shape[2] + (self.top - 1) * self.side
+        return (row + 0.5) / self.side
 
     def counted(self, place: np.ndarray) -> np.ndarray:
         """The places of the samples that stand for those at some places."""
@@ -50,7 +57,7 @@ def _band_grid(shape: tuple[int, int], side: int) -> tuple[np.ndarray, np.ndarra
     x, y = i // side - 1, j // side - 1
     inside = (x >= 0) & (y >= 0) & (x < columns) & (y < rows)
     pixel = np.where(inside, y * columns + x, OUTSIDE)
-    return (i + 0.5) / side - 1, (j + 0.5) / side - 1, pixel.astype(np.int32)
+    return (i - side + 0.5) / side, (j - side + 0.5) / side, pixel.astype(np.int32)
 
 
 def fine_samples(
@@ -95,10 +102,13 @@ def samples_inside(shape: tuple[int, ...]) -> np.ndarray:
     return places[:, 1:-1, 1:-1].reshape(shape[0], -1).T
 
 
-def regular_samples(pixels: np.ndarray, side: int, columns: int) -> tuple[np.ndarray, np.ndarray]:
+def regular_samples(
+    pixels: np.ndarray, side: int, columns: int, first_row: int
+) -> tuple[np.ndarray, np.ndarray]:
     """The image positions of the samples of some pixels of a band: (side * side, N)."""
     j, i = np.divmod(np.arange(side * side)[:, None], side)
-    return pixels % columns + (i + 0.5) / side, pixels // columns + (j + 0.5) / side
+    row = pixels // columns + first_row
+    return pixels % columns + (i + 0.5) / side, row + (j + 0.5) / side
 
 
 @lru_cache(maxsize=4)

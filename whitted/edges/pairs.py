@@ -67,7 +67,7 @@ def pairs_of(samples: Samples, a: np.ndarray, b: np.ndarray, ends: np.ndarray) -
     a, b = a.take(order), b.take(order)
     return Pairs(
         x=samples.x.take(a),
-        y=samples.y.take(a) + samples.top,
+        y=samples.heights(a),
         vertical=b - a > 1,
         length=np.full(len(a), 1 / samples.side),
         sample=samples.counted(np.stack([a, b])) + samples.first,

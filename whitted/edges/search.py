@@ -241,9 +241,10 @@ class _Search:
 
     def retraced_range(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The range of the regular samples of some pixels, which are traced again."""
-        x, y = regular_samples(pixels, self.band.side, self.band.resolution[0])
-        place = self.band.lanes(x.ravel(), y.ravel() + self.band.first_row)
-        color, _ = kernels.labelled_samples(*self.band.inputs, *place)
+        band = self.band
+        x, y = regular_samples(pixels, band.side, band.resolution[0], band.first_row)
+        place = band.lanes(x.ravel(), y.ravel())
+        color, _ = kernels.labelled_samples(*band.inputs, *place)
         seen = stacked(to_numpy(color), slice(x.size)).reshape(3, *x.shape)
         return seen.min(1), seen.max(1)
 

@@ -16,6 +16,7 @@ def render(
     terms: str = "both",
     max_depth: int | None = None,
     resolution: tuple[int, int] | None = None,
+    rows: tuple[int, int] | None = None,
     unroll: int | None = None,
     progress: Report | bool | None = None,
 ) -> Array:
@@ -36,6 +37,9 @@ def render(
             sum.
         max_depth: nodes on the longest chain of rays, in place of the scene's.
         resolution: width and height in pixels, in place of the scene's.
+        rows: the first row and the number of rows of a band of the image, counted from 0 at the
+            top. Its pixels are those of the whole image, to the last bit; derivatives of bands add
+            up to that of the whole. Not with error.
         unroll: levels of the tree of rays that are straight code, in front of a loop for the rest.
             0 is the loop alone; from max_depth on there is no loop. It changes time and compile
             time, and pixels by rounding. At most 6 where materials both reflect and refract, or
@@ -45,7 +49,7 @@ def render(
 
     Returns:
         Linear RGB radiance, a `TensorXf` (`TensorXf64` in double precision) of shape (height,
-        width, 3).
+        width, 3); of rows, (count, width, 3).
 
     Raises:
         TypeError: no scene is given, but its name, say.
@@ -60,6 +64,10 @@ def render(
         for name, given in (("spp", spp != 1), ("boundary", boundary is not None)):
             if given:
                 raise ValueError(f"error: chooses {name} itself; leave {name} out, or error")
+        if rows is not None:
+            raise ValueError(
+                "rows: error may choose other samples for each band; give spp in place of error"
+            )
         if terms != "both":
             raise ValueError(
                 f"error: may choose boundary=False, which has no terms={terms!r}; leave terms out, "
@@ -75,6 +83,7 @@ def render(
             terms=terms,
             max_depth=max_depth,
             resolution=resolution,
+            rows=rows,
             unroll=unroll,
             progress=report,
         )

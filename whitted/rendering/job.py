@@ -37,6 +37,7 @@ class Job:
     max_depth: int
     side: int  # samples along a pixel's side
     progress: Callable[[float], None] | None
+    rows: tuple[int, int] | None = None  # the first row and their number [default: all]
     unroll: int | None = None  # levels of trees in straight code [default: what pays]
 
     @property
@@ -60,12 +61,23 @@ class Job:
         """By measurement: see `tracing.recursion`."""
         return 1 if branches_out(self.scene) else 0
 
+    @property
+    def span(self) -> tuple[int, int]:
+        """The first row that is computed, and how many they are."""
+        return self.rows or (0, self.resolution[1])
+
     def bands(self) -> Iterator[tuple[int, int]]:
         """First row and rows of each band."""
-        width, height = self.resolution
-        rows = max(4, BAND // (width * self.side**2) // 4 * 4)
-        for first in range(0, height, rows):
-            yield first, min(rows, height - first)
+        start, count = self.span
+        rows = max(4, BAND // (self.resolution[0] * self.side**2) // 4 * 4)
+        for first in range(start, start + count, rows):
+            yield first, min(rows, start + count - first)
+
+    def report(self, row: float) -> None:
+        """Report that all is done up to a row."""
+        start, count = self.span
+        if self.progress is not None:
+            self.progress((row - start) / count)
 
     def band(self, first: int, rows: int) -> Band:
         structure = self.scene.structure
@@ -88,7 +100,8 @@ class Job:
         dr.make_opaque(image)
         total: Parameters | None = None
         for first, rows in self.bands():
-            part = image.array if rows == image.shape[0] else image[first : first + rows].array
+            at = first - self.span[0]
+            part = image.array if rows == image.shape[0] else image[at : at + rows].array
             gradients = self._adjoint(first, rows, dict(wrt), part)
             sums: Parameters = total or dict.fromkeys(gradients, 0)
             total = {name: sums[name] + gradients[name] for name in gradients}
@@ -103,24 +116,25 @@ class Job:
 
     def _assemble(self, kernel: Callable[[int, int], Array]) -> Array:
         """The bands' pixels as one tensor."""
-        width, height = self.resolution
-        precision = self.scene.precision
+        width, precision = self.resolution[0], self.scene.precision
+        start, count = self.span
         whole: Array = None
         for first, rows in self.bands():
             pixels = kernel(first, rows)
-            if rows < height:
-                if first == 0:
+            if rows < count:
+                if first == start:
                     # Without enough memory NumPy raises an error; Dr.Jit would end the process
-                    np.empty(height * width * 3, precision.dtype)
-                    whole = dr.empty(precision.real, height * width * 3)
+                    np.empty(count * width * 3, precision.dtype)
+                    whole = dr.empty(precision.real, count * width * 3)
                     memory = whole.numpy()
-                memory[first * width * 3 : (first + rows) * width * 3] = pixels.numpy()
+                place = (first - start) * width * 3
+                memory[place : place + rows * width * 3] = pixels.numpy()
             else:
                 whole = pixels
             if self.progress is not None:
                 dr.sync_thread()
-                self.progress((first + rows) / height)
-        return precision.tensor(whole, (height, width, 3))
+                self.report(first + rows)
+        return precision.tensor(whole, (count, width, 3))
 
 
 @dataclass(frozen=True)
@@ -145,11 +159,11 @@ class BoundaryJob(Job):
         return self._assemble(self._correct)
 
     def _correct(self, first: int, rows: int) -> Array:
-        height = self.resolution[1]
+        stop = sum(self.span)
 
         def report(fraction: float) -> None:
-            if self.progress is not None and first + fraction * rows < height:
-                self.progress((first + fraction * rows) / height)
+            if first + fraction * rows < stop:
+                self.report(first + fraction * rows)
 
         # Edges are found by derivatives of their own
         with dr.resume_grad():

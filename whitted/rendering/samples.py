@@ -32,6 +32,7 @@ def render_samples(
     terms: str = "both",
     max_depth: int | None = None,
     resolution: tuple[int, int] | None = None,
+    rows: tuple[int, int] | None = None,
     unroll: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Array:
@@ -58,14 +59,15 @@ def render_samples(
             f"got {unroll!r}"
         )
     size = checked_resolution(scene.resolution if resolution is None else resolution)
-    check_memory(*size, dr.itemsize_v(scene.background))
+    part = None if rows is None else checked_rows(rows, size[1])
+    check_memory(size[0], part[1] if part else size[1], dr.itemsize_v(scene.background))
     parameters = scene.inputs()
     # Opaque: each literal value would be compiled into a kernel of its own
     dr.make_opaque(parameters)
     wrt = {name: value for name, value in parameters.items() if dr.grad_enabled(value)}
     still = dr.detach(parameters) if wrt else parameters
-    about = scene, still, size, int(max_depth or scene.max_depth), side, progress, unroll
-    job = BoundaryJob(*about, terms, keep=bool(wrt)) if boundary else Job(*about)
+    about = scene, still, size, int(max_depth or scene.max_depth), side, progress, part, unroll
+    job = BoundaryJob(*about, terms=terms, keep=bool(wrt)) if boundary else Job(*about)
     with LOCK:
         image = job.image()
         if not wrt:
@@ -89,6 +91,16 @@ def checked_resolution(resolution: object) -> tuple[int, int]:
     if len(pair) != 2 or not all(_is_whole(n, 1, 1 << 20) for n in pair):
         expected = "(width, height), two whole numbers of pixels > 0"
         raise ValueError(f"resolution: expected {expected}, got {resolution!r}")
+    return int(pair[0]), int(pair[1])
+
+
+def checked_rows(rows: object, height: int) -> tuple[int, int]:
+    """The first of the rows that a user asks for, and their number."""
+    pair = tuple(rows) if isinstance(rows, (tuple, list)) else ()
+    whole = len(pair) == 2 and _is_whole(pair[0], 0, height - 1)
+    if not (whole and _is_whole(pair[1], 1, height - pair[0])):
+        expected = f"(first, count), two whole numbers within the rows 0 to {height - 1}"
+        raise ValueError(f"rows: expected {expected}, got {rows!r}")
     return int(pair[0]), int(pair[1])
 
 
