@@ -245,9 +245,11 @@ from pathlib import Path
 import whitted as wt
 from whitted import cli
 from whitted.inverse import report
+from whitted.inverse.loss import Objective
 
 scene, folder = sys.argv[1], Path(sys.argv[2])
-wt.write_image(folder / "target.exr", wt.render(wt.load_scene(scene)))
+moved = wt.load_scene(scene).replace({"spheres.ball.center": [0.2, 0, 0]})
+wt.write_image(folder / "target.exr", wt.render(moved))
 signal.signal(signal.SIGINT, signal.default_int_handler)
 write = report.write_image
 
@@ -256,17 +258,29 @@ def press(*_):
     os.kill(os.getpid(), signal.SIGINT)
     write(*_)
 
+def press_soon(step):
+    # From step to step, however fast they are
+    def gradient(*arguments):
+        steps.append(step)
+        if len(steps) == step:
+            threading.Timer(0.003, os.kill, (os.getpid(), signal.SIGINT)).start()
+        return own(*arguments)
+    steps.clear()
+    Objective.gradient = gradient
+
+own, steps = Objective.gradient, []
 # While it searches, and while it writes files
-for moment in (0.1, 0.4, None):
+for moment in (1, 5, None):
     out = folder / f"out {moment}"
     names = "--wrt", "spheres.ball.center", "--method", "adam", "--spp", "1", "--once"
     sys.argv = ["whitted", "fit", scene, str(folder / "target.exr"), *names, "-o", str(out)]
     if moment is None:
         sys.argv += ["--iterations", "1"]
+        Objective.gradient = own
         report.write_image = press
     else:
         sys.argv += ["--iterations", "1000000"]
-        threading.Timer(moment, os.kill, (os.getpid(), signal.SIGINT)).start()
+        press_soon(moment)
     try:
         cli.main()
     except SystemExit as end:

@@ -1,9 +1,11 @@
-"""Forward mode: each ray carries its tangent down the tree of rays.
+"""Forward mode: each ray carries its tangents down the tree of rays, one for each direction.
 
 A node is a small function of its ray and the scene, and a tree of nodes is the chain rule. No
-intermediate image is stored, whatever the depth.
+intermediate image is stored, whatever the depth. Several directions share the search for hits and
+all else that does not depend on the direction; Dr.Jit computes equal expressions once.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import drjit as dr
@@ -11,6 +13,7 @@ import drjit as dr
 from ..core.arrays import Array, Parameters
 from ..core.ray import Ray
 from ..scene.scene import Scene
+from ..shapes.sets import Hit
 from ..tracing.intersect import closest_hit
 from ..tracing.node import Limits, Node, visit
 from ..tracing.recursion import walk
@@ -18,6 +21,18 @@ from ..tracing.shading import emitted
 from ..tracing.surface import surface
 from .changed import changed
 from .propagate import push_forward
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A direction of parameter space, as walks in forward mode take it."""
+
+    scene: Scene  # without gradients; spheres that a tree finds have their tangents of it
+    tangents: Parameters  # by parameter name, of width 1; those of others are 0
+
+
+# For each direction, the tangents of rays' origins and directions
+RaySlopes = Sequence[tuple[Array, Array]]
 
 
 @dataclass
@@ -45,13 +60,12 @@ class Moving:
     """A node and its tangents (not frozen: Dr.Jit's loops write to their state)."""
 
     node: Node
-    tangent: Tangent
+    ahead: tuple[Tangent, ...]
 
 
-def attached(
-    scene: Scene, tangents: Parameters, node: Node, tangent: Tangent
-) -> tuple[object, Scene, Node]:
+def attached(direction: Direction, node: Node, tangent: Tangent) -> tuple[object, Scene, Node]:
     """Inputs with fresh tangents, and the scene and the node that are made of them."""
+    scene, tangents = direction.scene, direction.tangents
     values = scene.parameters(*tangents) if tangents else {}
     inputs = dr.detach((node.o, node.d, node.weight, values))
     dr.enable_grad(inputs)
@@ -65,43 +79,61 @@ def attached(
 
 
 def radiance_jvp(
-    scene: Scene, tangents: Parameters, ray: Ray, o_slope: Array, d_slope: Array, limits: Limits
-) -> Array:
-    """The derivative of radiance along rays, in one direction of parameter space.
+    directions: Sequence[Direction], ray: Ray, slopes: RaySlopes, limits: Limits
+) -> tuple[Array, ...]:
+    """The derivatives of radiance along rays, in some directions of parameter space.
 
     Args:
-        scene: with unit vectors for its directions, and no gradients.
-        tangents: parameter name to tangent, of width 1; those of other parameters are 0.
-        o_slope, d_slope: tangents of the rays' origins and directions.
+        directions: of one scene, with unit vectors for its directions; at least one.
+        slopes: of the rays, in each direction.
 
     Returns:
-        Array3f, the tangent of `recursion.radiance`.
+        Array3f for each direction, the tangent of `recursion.radiance`.
     """
-    these = changed(scene, tangents)
+    scene = directions[0].scene
+    these = changed(scene, [name for one in directions for name in one.tangents])
     first = Node.first(scene, ray)
-    dark = dr.zeros(type(ray.o), dr.width(first))
+    dark = tuple(dr.zeros(type(ray.o), dr.width(first)) for _ in directions)
 
     def light(dark, moving, hit):
-        inputs, there, node = attached(scene, tangents, moving.node, moving.tangent)
-        value = node.weight * emitted(there, node.ray, surface(there, node.ray, hit))
-        push_forward(inputs)
-        return dr.grad(value)
+        found = []
+        for direction, tangent in zip(directions, moving.ahead, strict=True):
+            inputs, there, node = attached(direction, moving.node, tangent)
+            value = node.weight * emitted(there, node.ray, surface(there, node.ray, hit))
+            push_forward(inputs)
+            found.append(dr.grad(value))
+        return tuple(found)
 
     def step(moving, result):
-        tangent = moving.tangent
-        inputs, there, node = attached(scene, tangents, moving.node, tangent)
-        hit = closest_hit(scene, dr.detach(node.ray))
+        hit = closest_hit(scene, moving.node.ray)
         if these is None:
-            result += light(dark, moving, hit)
+            found = light(dark, moving, hit)
         else:
-            moves = dr.any(tangent.o != 0) | dr.any(tangent.d != 0) | (tangent.weight != 0)
-            moves |= these.among(scene, hit.index)
-            result += dr.if_stmt((dark, moving, hit), moves, light, lambda dark, *_: dark)
+            moves = these.among(scene, hit.index)
+            for tangent in moving.ahead:
+                moves |= dr.any(tangent.o != 0) | dr.any(tangent.d != 0) | (tangent.weight != 0)
+            found = dr.if_stmt((dark, moving, hit), moves, light, lambda dark, *_: dark)
+        result = tuple(old + new for old, new in zip(result, found, strict=True))
+        return result, *_children(directions, moving, limits, hit)
+
+    root = Moving(first, tuple(Tangent.first(first, o, d) for o, d in slopes))
+    return walk(scene, limits, root, dark, step, "radiance_jvp")
+
+
+def _children(
+    directions: Sequence[Direction], moving: Moving, limits: Limits, hit: Hit
+) -> tuple[list[Moving], list[Array]]:
+    """A node's children with their tangents, and for each of them whether to go on with it."""
+    ahead: list[list[Tangent]] = []
+    onward: list[Array] = []
+    for direction, tangent in zip(directions, moving.ahead, strict=True):
+        inputs, there, node = attached(direction, moving.node, tangent)
         seen = visit(there, node, limits, hit)
         children = seen.children
         push_forward(inputs)
-        onward = [Moving(dr.detach(child), Tangent.of(child)) for child in children]
-        return result, onward, dr.detach(seen.traced)
-
-    root = Moving(first, Tangent.first(first, o_slope, d_slope))
-    return walk(scene, limits, root, dark, step, "radiance_jvp")
+        ahead.append([Tangent.of(child) for child in children])
+        # A weight of 0 may be differentiated in one direction alone
+        traced = dr.detach(seen.traced)
+        onward = [a | b for a, b in zip(onward, traced, strict=True)] if onward else traced
+    tangents = zip(*ahead, strict=True)
+    return [Moving(dr.detach(n), t) for n, t in zip(children, tangents, strict=True)], onward

@@ -1,6 +1,6 @@
 """The derivatives of a band's pixels with their edges, in forward and in reverse mode."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import TypeVar
@@ -30,6 +30,8 @@ TERMS = ("both", "interior", "boundary")
 Columns = dict[str, np.ndarray]
 FilmInputs = tuple[Structure, Parameters, Film, Limits, Parameters]
 Part = TypeVar("Part", Path, Event)
+# Tangents of parameters, for each direction
+Directions = Sequence[Parameters]
 # The fields of `MovingPoints` but for `edge`
 COLUMNS = ("x", "y", "pixel", "change", "jump")
 # Fields of materials that weigh rays
@@ -123,35 +125,43 @@ class Correction:
         importance = dr.opaque(structure.precision.real, least)
         return structure, parameters, size, replace(limits, importance=importance)
 
-    def tangent(self, wrt: Parameters, tangents: Parameters, terms: str) -> Array:
-        """The pixels' derivative along the tangents of the parameters `wrt`."""
+    def tangents(self, wrt: Parameters, directions: Directions, terms: str) -> list[Array]:
+        """The pixels' derivatives along some tangents of the parameters `wrt`."""
         band = self.band
-        pixels = to_array(np.zeros(1, band.dtype), band.rows * band.resolution[0] * 3)
-        image = pixels.numpy()
+        zero, length = np.zeros(1, band.dtype), band.rows * band.resolution[0] * 3
+        pixels = [to_array(zero, length) for _ in directions]
+        images = [own.numpy() for own in pixels]
         if terms != "boundary":
-            self._add_interior(image, wrt, tangents)
+            self._add_interior(images, wrt, directions)
         if terms != "interior":
-            self._add_boundary(image, wrt, tangents)
+            self._add_boundary(images, wrt, directions)
         return pixels
 
-    def _add_interior(self, image: np.ndarray, wrt: Parameters, tangents: Parameters) -> None:
+    def _add_interior(
+        self, images: list[np.ndarray], wrt: Parameters, directions: Directions
+    ) -> None:
         for first, weights in self.regular(wrt):
-            slopes = {name: tangents[name] for name in first[-1]}
-            image += film_kernels.image_jvp(*first, slopes, weights).numpy()
+            slopes = film_kernels.image_jvp(*first, _only(first[-1], directions), weights)
+            for image, slope in zip(images, slopes, strict=True):
+                image += slope.numpy()
         for extra, inputs, found in self.extras(wrt):
-            slopes = {name: tangents[name] for name in found}
             place = self.band.lanes(extra.x, extra.y)
-            slope = to_numpy(points.samples_jvp(*inputs, found, slopes, *place))
-            deposit(image, extra.pixel, *(stacked(slope, slice(len(extra.x))) * extra.weight))
+            slopes = points.samples_jvp(*inputs, found, _only(found, directions), *place)
+            for image, slope in zip(images, slopes, strict=True):
+                channels = stacked(to_numpy(slope), slice(len(extra.x)))
+                deposit(image, extra.pixel, *(channels * extra.weight))
 
-    def _add_boundary(self, image: np.ndarray, wrt: Parameters, tangents: Parameters) -> None:
+    def _add_boundary(
+        self, images: list[np.ndarray], wrt: Parameters, directions: Directions
+    ) -> None:
         for edges in self.edges:
+            count = edges.pixel.shape[1]
             place = self.band.lanes(edges.x, edges.y)
-            inputs = *self.band.inputs, wrt, tangents, *place, _edge(edges.edge)
-            slope = kernels.levels_jvp(*inputs).numpy()[: edges.pixel.shape[1]]
-            jump = (np.array(channel, copy=False)[: len(slope)] for channel in edges.jump)
-            channels = (edges.change * (channel * slope) for channel in jump)
-            deposit(image, edges.pixel, *channels)
+            inputs = *self.band.inputs, wrt, _only(wrt, directions), *place, _edge(edges.edge)
+            jump = [np.array(channel, copy=False)[:count] for channel in edges.jump]
+            for image, slope in zip(images, kernels.levels_jvp(*inputs), strict=True):
+                moves = slope.numpy()[:count]
+                deposit(image, edges.pixel, *(edges.change * (own * moves) for own in jump))
 
     def adjoint(self, wrt: Parameters, image: Array, terms: str) -> Parameters:
         """The derivatives of dot(image, pixels) by the parameters `wrt`."""
@@ -188,6 +198,11 @@ class Correction:
             place = band.lanes(edges.x, edges.y)
             points_on_edges = changed, change, band.color(edges.jump), *place, _edge(edges.edge)
             yield partial(kernels.levels_vjp, *band.inputs, wrt, image, *points_on_edges)
+
+
+def _only(wrt: Parameters, directions: Directions) -> tuple[Parameters, ...]:
+    """The tangents of the parameters `wrt` alone."""
+    return tuple({name: tangents[name] for name in wrt} for tangents in directions)
 
 
 def joined(parts: list[MovingPoints]) -> MovingPoints:

@@ -44,9 +44,9 @@ def labelled_image(
         color, label = labelled_radiance(scene, ray, limits, levels=levels)
         place = ((y + film.margin) * film.side + j) * row + (x + film.margin) * film.side + i
         dr.scatter(labels, label, ad.UInt32(place))
-        return color
+        return (color,)
 
-    return accumulate(film, of_sample, type(scene.background)), labels
+    return *accumulate(film, of_sample, type(scene.background)), labels
 
 
 @frozen
@@ -168,16 +168,16 @@ def levels_jvp(
     size: Array,
     limits: Limits,
     wrt: Parameters,
-    tangents: Parameters,
+    tangents: tuple[Parameters, ...],
     x: Array,
     y: Array,
     edge: Edge,
-) -> Array:
-    """The derivative of edges' level functions along the tangents of the parameters `wrt`."""
+) -> tuple[Array, ...]:
+    """The derivatives of edges' level functions along some tangents of the parameters `wrt`."""
     moving = Forward(structure, parameters, size, wrt, tangents)
-    ray, o, d = moving.ray(lambda frame: image_ray(frame, size, x, y))
-    (slope,), _ = level_jvp(moving.scene, moving.tangents, ray, [(o, d)], limits, edge)
-    return in_lanes(x, slope.level)
+    rays = moving.rays(lambda frame: image_ray(frame, size, x, y))
+    slopes, _ = level_jvp(moving.directions, *rays, limits, edge)
+    return tuple(in_lanes(x, slope.level) for slope in slopes)
 
 
 @frozen

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import drjit as dr
 
-from ..autodiff.forward import Tangent, attached
+from ..autodiff.forward import Direction, RaySlopes, Tangent, attached
 from ..autodiff.propagate import pull_back, push_forward
 from ..autodiff.reverse import Adjoint, Place, Tree, Waiting, added, walk_back
 from ..core.arrays import Array, Parameters
@@ -36,30 +36,21 @@ class Slope:
 
 
 def level_jvp(
-    scene: Scene,
-    tangents: Parameters,
-    ray: Ray,
-    slopes: Sequence[tuple],
-    limits: Limits,
-    edge: Edge,
+    directions: Sequence[Direction], ray: Ray, slopes: RaySlopes, limits: Limits, edge: Edge
 ) -> tuple[list[Slope], Ray]:
-    """The derivatives of an event's level function in several directions, in forward mode.
-
-    Args:
-        slopes: for each direction, tangents of the rays' origins and directions; others are as for
-            `radiance_jvp`.
+    """The derivatives of an event's level function in some directions, as `radiance_jvp`.
 
     Returns:
         The derivatives in each direction, and the ray that arrives at the event's node.
     """
+    scene = directions[0].scene
     first = Node.first(scene, ray)
     state = first, [Tangent.first(first, o, d) for o, d in slopes], edge.path.bounces > 0
 
     def bounce(node, ahead, active):
         following = []
-        # What does not depend on the direction, Dr.Jit computes once
-        for tangent in ahead:
-            inputs, there, moving = attached(scene, tangents, node, tangent)
+        for direction, tangent in zip(directions, ahead, strict=True):
+            inputs, there, moving = attached(direction, node, tangent)
             seen = visit(there, moving, limits)
             branch, _ = edge.path.onward(seen)
             child = seen.child(branch)
@@ -72,8 +63,8 @@ def level_jvp(
         state = dr.while_loop(state, lambda *s: s[-1], bounce, mode="symbolic", label="level_jvp")
     node, ahead, _ = state
     results = []
-    for tangent in ahead:
-        inputs, there, moving = attached(scene, tangents, node, tangent)
+    for direction, tangent in zip(directions, ahead, strict=True):
+        inputs, there, moving = attached(direction, node, tangent)
         value, faint = level_function(there, moving, edge.event, limits)
         column, row, _ = board_place(there, moving.ray, edge.event)
         level = value + faint * moving.weight

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import drjit as dr
 
+from ..autodiff.forward import Direction
 from ..autodiff.propagate import push_forward
 from ..core.arrays import Array
 from ..core.numerics import smooth_step
@@ -71,16 +72,17 @@ def slopes_of(
             counts in full, from how many on it does not count, and from which distance on, in
             cells; up to half that distance, it always counts in full.
     """
-    directions = []
+    slopes = []
     for axis in range(2):
         at = dr.detach(line.at(along))
         dr.enable_grad(at[axis])
         ray = image_ray(shot.frame, shot.size, *at)
         dr.set_grad(at[axis], 1)
         push_forward(at[axis])
-        directions.append((dr.grad(ray.o), dr.grad(ray.d)))
+        slopes.append((dr.grad(ray.o), dr.grad(ray.d)))
     still, limits = dr.detach(ray), shot.limits
-    (right, down), arriving = level_jvp(shot.scene, {}, still, directions, limits, edge)
+    at_rest = [Direction(shot.scene, {})] * 2
+    (right, down), arriving = level_jvp(at_rest, still, slopes, limits, edge)
     vertical, length = line.vertical, line.length
     turn = dr.norm(dr.select(vertical, down.turn, right.turn)) * length
     on, other = crease_cosines(shot.scene, arriving, edge.event)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import drjit as dr
@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core.arrays import Array
 from ..core.host import to_array
-from ..rendering.samples import render_samples
+from ..rendering.samples import Linearised, render_samples
 from ..scene.parameters import as_parameter
 from ..scene.scene import Scene
 from .priors import Prior
@@ -33,6 +33,10 @@ class Objective:
     gain: bool  # each channel may be brighter by a factor of its own
     prior: Prior | None = None
     robust: str | None = None  # the name of a robust loss
+    # The views' images of the last x, by its bytes
+    _last: dict[bytes, list[Linearised]] = field(
+        init=False, default_factory=dict, compare=False, repr=False
+    )
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -65,15 +69,23 @@ class Objective:
         shapes = zip(self.names, self.shapes, strict=True)
         return [_label(name, place) for name, shape in shapes for place in np.ndindex(shape)]
 
-    def render(self, view: View, values: Mapping[str, Any]) -> Array:
-        """A view's image with these values of the parameters."""
+    def _at(self, x: np.ndarray) -> list[Linearised]:
+        """All views' images, with derivatives in any directions; those of the last x are kept."""
+        key = x.tobytes()
+        if key not in self._last:
+            self._last.clear()
+            self._last[key] = [self._linearised(view, x) for view in self.views]
+        return self._last[key]
+
+    def _linearised(self, view: View, x: np.ndarray) -> Linearised:
+        values = arrays(view.scene, self.parameters(x))
+        dr.enable_grad(values)
         scene = view.scene.replace(values)
-        return render_samples(scene, resolution=view.resolution, **self.options)
+        return Linearised(scene, values, resolution=view.resolution, **self.options)
 
     def _images(self, x: np.ndarray) -> Iterator[tuple[View, np.ndarray]]:
         """All views and their images."""
-        values = self.parameters(x)
-        images = [self.render(view, values).numpy() for view in self.views]
+        images = [linearised.image.numpy() for linearised in self._at(x)]
         return zip(self.views, images, strict=True)
 
     def loss(self, x: np.ndarray) -> float:
@@ -136,7 +148,8 @@ class Objective:
         """
         loss = 0.0
         for view in self.views:
-            image = self.render(view, values)
+            scene = view.scene.replace(values)
+            image = render_samples(scene, resolution=view.resolution, **self.options)
             residual, gain = self._residual(view, image.numpy())
             loss += self._part(view, residual) / 2
             # The loss does not change with the gain, since that is the best one
@@ -175,8 +188,11 @@ class Objective:
 
         The residual has the shape (height, width, 3).
         """
-        for view in self.views:
-            image, columns = self._jacobian(view, x)
+        directions = [self.parameters(unit) for unit in np.eye(self.count)]
+        for view, linearised in zip(self.views, self._at(x), strict=True):
+            image = linearised.image.numpy().astype(np.float64)
+            tangents = [arrays(view.scene, direction) for direction in directions]
+            columns = [c.numpy().astype(np.float64) for c in linearised.along(tangents)]
             residual, gain = self._residual(view, image)
             columns = [self._with_gain(view, image, column, gain) for column in columns]
             yield view, residual, np.stack(columns, -1)
@@ -190,23 +206,6 @@ class Objective:
         power = (view.weight * image * image).sum((0, 1))
         change = (view.weight * column * (view.target - 2 * gain * image)).sum((0, 1))
         return gain * column + image * np.divide(change, power, out=np.zeros(3), where=power > 0)
-
-    def _jacobian(self, view: View, x: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-        """A view's image, and its derivative by each number.
-
-        One image is traced, and one derivative for each number.
-        """
-        values = arrays(view.scene, self.parameters(x))
-        dr.enable_grad(values)
-        image = self.render(view, values)
-        columns = []
-        for unit in np.eye(self.count):
-            for name, tangent in arrays(view.scene, self.parameters(unit)).items():
-                dr.set_grad(values[name], tangent)
-            column = dr.forward_to(image, flags=dr.ADFlag.ClearInterior)
-            columns.append(column.numpy().astype(np.float64))
-            dr.clear_grad(image)
-        return image.numpy().astype(np.float64), columns
 
 
 def _label(name: str, place: tuple[int, ...]) -> str:

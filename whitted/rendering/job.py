@@ -1,6 +1,6 @@
 """One image to compute, and its derivatives, a band of rows at a time."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import drjit as dr
@@ -86,14 +86,20 @@ class Job:
         )
 
     def image(self) -> Array:
-        return self._assemble(lambda *rows: kernels.image(*self._inputs(*rows)))
+        return self._assemble(lambda *rows: [kernels.image(*self._inputs(*rows))])[0]
 
-    def tangent(self, wrt: Parameters, tangents: Parameters) -> Array:
-        """The image's derivative along the tangents of the parameters `wrt`."""
-        tangents = {name: opaque_copy(value) for name, value in tangents.items()}
+    def tangents(self, wrt: Parameters, directions: Sequence[Parameters]) -> list[Array]:
+        """The image's derivatives along some tangents of the parameters `wrt`."""
+        own = tuple(_opaque(tangents) for tangents in directions)
         return self._assemble(
-            lambda *rows: kernels.image_jvp(*self._inputs(*rows), dict(wrt), dict(tangents))
+            lambda first, rows: self._tangents(first, rows, dict(wrt), own), len(own)
         )
+
+    def _tangents(
+        self, first: int, rows: int, wrt: Parameters, directions: tuple[Parameters, ...]
+    ) -> Sequence[Array]:
+        slopes: Sequence[Array] = kernels.image_jvp(*self._inputs(first, rows), wrt, directions)
+        return slopes
 
     def adjoint(self, wrt: Parameters, image: Array) -> Parameters:
         """The derivatives by the parameters `wrt`, from those by the image's pixels."""
@@ -114,27 +120,33 @@ class Job:
         band = self.band(first, rows)
         return band.structure, band.parameters, band.inner, band.limits
 
-    def _assemble(self, kernel: Callable[[int, int], Array]) -> Array:
-        """The bands' pixels as one tensor."""
-        width, precision = self.resolution[0], self.scene.precision
-        start, count = self.span
-        whole: Array = None
+    def _assemble(
+        self, kernel: Callable[[int, int], Sequence[Array]], images: int = 1
+    ) -> list[Array]:
+        """The bands' pixels in some images, each as one tensor."""
+        width, (start, count) = self.resolution[0], self.span
+        precision = self.scene.precision
+        whole: list[Array] = []
         for first, rows in self.bands():
-            pixels = kernel(first, rows)
-            if rows < count:
+            bands = kernel(first, rows)
+            if rows == count:
+                whole = list(bands)
+            else:
                 if first == start:
                     # Without enough memory NumPy raises an error; Dr.Jit would end the process
-                    np.empty(count * width * 3, precision.dtype)
-                    whole = dr.empty(precision.real, count * width * 3)
-                    memory = whole.numpy()
-                place = (first - start) * width * 3
-                memory[place : place + rows * width * 3] = pixels.numpy()
-            else:
-                whole = pixels
+                    np.empty(images * count * width * 3, precision.dtype)
+                    whole = [dr.empty(precision.real, count * width * 3) for _ in range(images)]
+                place = slice((first - start) * width * 3, (first - start + rows) * width * 3)
+                for image, pixels in zip(whole, bands, strict=True):
+                    image.numpy()[place] = pixels.numpy()
             if self.progress is not None:
                 dr.sync_thread()
                 self.report(first + rows)
-        return precision.tensor(whole, (count, width, 3))
+        return [precision.tensor(image, (count, width, 3)) for image in whole]
+
+
+def _opaque(tangents: Parameters) -> Parameters:
+    return {name: opaque_copy(value) for name, value in tangents.items()}
 
 
 @dataclass(frozen=True)
@@ -156,9 +168,9 @@ class BoundaryJob(Job):
         return 0
 
     def image(self) -> Array:
-        return self._assemble(self._correct)
+        return self._assemble(self._correct)[0]
 
-    def _correct(self, first: int, rows: int) -> Array:
+    def _correct(self, first: int, rows: int) -> list[Array]:
         stop = sum(self.span)
 
         def report(fraction: float) -> None:
@@ -168,19 +180,15 @@ class BoundaryJob(Job):
         # Edges are found by derivatives of their own
         with dr.resume_grad():
             pixels, self.found[first] = correct(self.band(first, rows), self.keep, report)
-        return pixels
+        return [pixels]
 
-    def tangent(self, wrt: Parameters, tangents: Parameters) -> Array:
-        tangents = {name: opaque_copy(value) for name, value in tangents.items()}
-
-        def tangent(first: int, _: int) -> Array:
-            parts = [
-                found.correction.tangent(dict(wrt), dict(tangents), self.terms)
-                for found in self.found[first]
-            ]
-            return parts[0] if len(parts) == 1 else dr.concat(parts)
-
-        return self._assemble(tangent)
+    def _tangents(
+        self, first: int, rows: int, wrt: Parameters, directions: tuple[Parameters, ...]
+    ) -> Sequence[Array]:
+        parts = [
+            found.correction.tangents(wrt, directions, self.terms) for found in self.found[first]
+        ]
+        return parts[0] if len(parts) == 1 else [dr.concat(own) for own in zip(*parts, strict=True)]
 
     def _adjoint(self, first: int, rows: int, wrt: Parameters, part: Array) -> Parameters:
         parts, start = [], 0

@@ -6,12 +6,13 @@ gradients. So nothing of the trees of rays is stored in between.
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import drjit as dr
 import numpy as np
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Parameters
 from ..core.derivatives import LOCK, operation
 from ..core.interrupts import heed, held
 from ..edges.correction import TERMS
@@ -20,11 +21,65 @@ from ..scene.scene import MAX_DEPTH, Scene
 from .job import BoundaryJob, Job
 
 MAX_SPP = 1 << 16
+# Derivatives that one kernel computes: each more compiles longer, and gains less
+DIRECTIONS = 4
 # Levels of trees in straight code: 63 nodes of a tree, which compile for some seconds
 MAX_LEVELS, MAX_LEVELS_OF_CHAINS = 6, 64
 
 
-def render_samples(
+def render_samples(scene: Scene, spp: int = 1, **options: Any) -> Array:
+    """`render` with a given number of samples: its arguments, its result and its errors."""
+    job, wrt = _job_of(scene, spp, **options)
+    with LOCK:
+        image = job.image()
+        if not wrt:
+            return image
+        # Only the arrays in `wrt` are inputs. A method hides all others from Dr.Jit, and keeps none
+        made = [(job, image)]
+        return held(dr.custom, _Render, wrt, made.pop)
+
+
+class Linearised:
+    """An image of parameters with gradients, and its derivatives in any directions of them.
+
+    Args:
+        scene: what `Scene.replace` has made with `values`.
+        values: parameters by name, with gradients.
+        options: of `render_samples`.
+    """
+
+    def __init__(self, scene: Scene, values: Parameters, **options: Any) -> None:
+        self.values = values
+        self._job, self._wrt = _job_of(scene, **options)
+        with LOCK:
+            self.image: Array = self._job.image()
+
+    def along(self, directions: Sequence[Parameters]) -> list[Array]:
+        """The derivatives of the image along tangents of the parameters, for each direction.
+
+        DIRECTIONS at a time share one kernel; zeros fill the last ones up.
+        """
+        tangents = [self._inner(direction) for direction in directions]
+        parts = -(-len(tangents) // DIRECTIONS)
+        size = -(-len(tangents) // parts)
+        tangents += tangents[-1:] * (parts * size - len(tangents))
+        wrt, columns = dr.detach(self._wrt), []
+        for first in range(0, len(tangents), size):
+            with LOCK:
+                columns += self._job.tangents(wrt, tangents[first : first + size])
+        return columns[: len(directions)]
+
+    def _inner(self, direction: Parameters) -> Parameters:
+        """The tangents of what kernels take."""
+        for name, tangent in direction.items():
+            dr.set_grad(self.values[name], tangent)
+        dr.forward_to(*self._wrt.values(), flags=dr.ADFlag.ClearInterior)
+        tangents = dr.grad(self._wrt)
+        dr.clear_grad(self._wrt)
+        return tangents
+
+
+def _job_of(
     scene: Scene,
     spp: int = 1,
     *,
@@ -35,8 +90,8 @@ def render_samples(
     rows: tuple[int, int] | None = None,
     unroll: int | None = None,
     progress: Callable[[float], None] | None = None,
-) -> Array:
-    """`render` with a given number of samples: its arguments, its result and its errors."""
+) -> tuple[Job, Parameters]:
+    """The image to compute, and those of its inputs that have gradients; errors of `render`."""
     heed()
     if terms not in TERMS or (terms != "both" and not boundary):
         raise ValueError(
@@ -68,13 +123,7 @@ def render_samples(
     still = dr.detach(parameters) if wrt else parameters
     about = scene, still, size, int(max_depth or scene.max_depth), side, progress, part, unroll
     job = BoundaryJob(*about, terms=terms, keep=bool(wrt)) if boundary else Job(*about)
-    with LOCK:
-        image = job.image()
-        if not wrt:
-            return image
-        # Only the arrays in `wrt` are inputs. A method hides all others from Dr.Jit, and keeps none
-        made = [(job, image)]
-        return held(dr.custom, _Render, wrt, made.pop)
+    return job, wrt
 
 
 def _is_whole(value: object, low: int, high: int) -> bool:
@@ -122,7 +171,7 @@ class _Render(dr.CustomOp):
 
     @operation
     def forward(self):
-        self.set_grad_out(self.job.tangent(self.wrt, self.grad_in("wrt")))
+        self.set_grad_out(self.job.tangents(self.wrt, [self.grad_in("wrt")])[0])
 
     @operation
     def backward(self):

@@ -5,11 +5,12 @@ the camera's frame, which depend on the parameters alone. It is differentiated o
 stage is the samples, which are differentiated by the outcome of the first.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import drjit as dr
 
+from ..autodiff.forward import Direction, RaySlopes
 from ..autodiff.propagate import pull_back, push_forward
 from ..core.arrays import Array, Parameters
 from ..core.gathered import Gathered
@@ -37,7 +38,7 @@ def prepare(structure: Structure, parameters: Parameters, size: Array) -> tuple[
 
 
 class Forward:
-    """A scene that moves along the tangents of the parameters `wrt`."""
+    """A scene that moves in some directions of the parameters `wrt`."""
 
     def __init__(
         self,
@@ -45,28 +46,53 @@ class Forward:
         parameters: Parameters,
         size: Array,
         wrt: Parameters,
-        tangents: Parameters,
+        tangents: Sequence[Parameters],
     ) -> None:
+        """Make the scene ready.
+
+        Args:
+            tangents: of the parameters, for each direction.
+        """
+        self.directions: list[Direction] = []
+        self._frame_tangents = []
+        for along in tangents:
+            scene, frame = self._moved(structure, parameters, size, wrt, along)
+            self.directions.append(scene)
+            self._frame_tangents.append(dr.grad(frame))
+            self.frame = dr.detach(frame)
+
+    @staticmethod
+    def _moved(
+        structure: Structure,
+        parameters: Parameters,
+        size: Array,
+        wrt: Parameters,
+        tangents: Parameters,
+    ) -> tuple[Direction, CameraFrame]:
+        """The scene in one direction, and its camera's frame with a tangent."""
         wrt, tangents = dr.detach(dict(wrt)), dict(tangents)
         of_many = tangents.pop(SPHERES, None) if wrt.pop(SPHERES, None) is not None else None
         dr.enable_grad(wrt)
         dr.set_grad(wrt, tangents)
         scene, frame = prepare(structure, parameters | wrt, size)
         push_forward(wrt)
-        self.scene, self.frame = dr.detach(scene), dr.detach(frame)
+        still = dr.detach(scene)
         if of_many is not None:
-            self.scene = self.scene.gathering(Gathered(tangents=of_many))
-        self.tangents = {name: dr.grad(value) for name, value in _moving(scene).items()}
-        self._frame_tangent = dr.grad(frame)
+            still = still.gathering(Gathered(tangents=of_many))
+        moving = {name: dr.grad(value) for name, value in _moving(scene).items()}
+        return Direction(still, moving), frame
 
-    def ray(self, ray_of: RayOf) -> tuple[Ray, Array, Array]:
-        """Rays, and the tangents of their origins and directions."""
-        frame = dr.detach(self.frame)
-        dr.enable_grad(frame)
-        dr.set_grad(frame, self._frame_tangent)
-        ray = ray_of(frame)
-        push_forward(frame)
-        return dr.detach(ray), dr.grad(ray.o), dr.grad(ray.d)
+    def rays(self, ray_of: RayOf) -> tuple[Ray, RaySlopes]:
+        """Rays, and their slopes in each direction."""
+        slopes = []
+        for tangent in self._frame_tangents:
+            frame = dr.detach(self.frame)
+            dr.enable_grad(frame)
+            dr.set_grad(frame, tangent)
+            ray = ray_of(frame)
+            push_forward(frame)
+            slopes.append((dr.grad(ray.o), dr.grad(ray.d)))
+        return dr.detach(ray), slopes
 
 
 class Reverse:

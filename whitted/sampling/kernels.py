@@ -25,29 +25,37 @@ REVERSE_LANES = 1 << 14
 
 
 def accumulate(
-    film: Film, of_sample: Callable[[Array, Array, Array, Array], Array], color: Any
-) -> Array:
-    """A band's pixels, row-major with RGB interleaved: the means of their samples.
+    film: Film,
+    of_sample: Callable[[Array, Array, Array, Array], tuple[Array, ...]],
+    color: Any,
+    count: int = 1,
+) -> tuple[Array, ...]:
+    """A band's pixels in some images, row-major with RGB interleaved: the means of their samples.
 
     Args:
         of_sample: takes the pixel's column and row in the band, and the place (i, j) on the pixel's
-            grid; returns the sample's Array3f. It is also called for the margin.
+            grid; returns the sample's Array3f in each image. It is also called for the margin.
         color: the type of Array3f.
+        count: the number of images.
     """
     x, y, valid = pixel(film, dr.arange(ad.Int, film.lanes))
 
     def sample(i, j, total, active):
-        total += of_sample(x, y, i, j)
+        sampled = of_sample(x, y, i, j)
+        total = tuple(old + new for old, new in zip(total, sampled, strict=True))
         i, j = next_sample(film, i, j)
         return i, j, total, active & (j < film.side)
 
     zero = dr.zeros(ad.Int, film.lanes)
-    state: Any = zero, zero, dr.zeros(color, film.lanes), valid
-    total = dr.while_loop(state, lambda *s: s[-1], sample, mode="symbolic", label="samples")[2]
-    pixels: Array = dr.empty(dr.value_t(color), film.pixels * 3)
+    state: Any = zero, zero, tuple(dr.zeros(color, film.lanes) for _ in range(count)), valid
+    totals = dr.while_loop(state, lambda *s: s[-1], sample, mode="symbolic", label="samples")[2]
     inside = valid & (x >= 0) & (y >= 0) & (x < film.width) & (y < film.rows)
-    dr.scatter(pixels, total * film.step * film.step, ad.UInt32(y * film.width + x), inside)
-    return pixels
+    images = []
+    for total in totals:
+        pixels: Array = dr.empty(dr.value_t(color), film.pixels * 3)
+        dr.scatter(pixels, total * film.step * film.step, ad.UInt32(y * film.width + x), inside)
+        images.append(pixels)
+    return tuple(images)
 
 
 @frozen
@@ -56,9 +64,9 @@ def image(structure: Structure, parameters: Parameters, film: Film, limits: Limi
     scene, frame = prepare(structure, parameters, film.size)
 
     def of_sample(x, y, i, j):
-        return radiance(scene, sample_ray(frame, film, x, y, i, j), limits)
+        return (radiance(scene, sample_ray(frame, film, x, y, i, j), limits),)
 
-    return accumulate(film, of_sample, type(scene.background))
+    return accumulate(film, of_sample, type(scene.background))[0]
 
 
 @frozen
@@ -68,10 +76,10 @@ def image_jvp(
     film: Film,
     limits: Limits,
     wrt: Parameters,
-    tangents: Parameters,
+    tangents: tuple[Parameters, ...],
     weights: Array | None = None,
-) -> Array:
-    """The derivative of `image` along the tangents of the parameters `wrt`.
+) -> tuple[Array, ...]:
+    """The derivatives of `image` along some tangents of the parameters `wrt`.
 
     Args:
         weights: what each sample counts for, row by row of samples [default: 1].
@@ -79,11 +87,14 @@ def image_jvp(
     moving = Forward(structure, parameters, film.size, wrt, tangents)
 
     def of_sample(x, y, i, j):
-        rays = moving.ray(lambda frame: sample_ray(frame, film, x, y, i, j))
-        slope = radiance_jvp(moving.scene, moving.tangents, *rays, limits)
-        return slope if weights is None else slope * _weight(film, weights, x, y, i, j)
+        rays = moving.rays(lambda frame: sample_ray(frame, film, x, y, i, j))
+        slopes = radiance_jvp(moving.directions, *rays, limits)
+        if weights is None:
+            return slopes
+        weight = _weight(film, weights, x, y, i, j)
+        return tuple(slope * weight for slope in slopes)
 
-    return accumulate(film, of_sample, structure.precision.vector)
+    return accumulate(film, of_sample, structure.precision.vector, len(tangents))
 
 
 @frozen

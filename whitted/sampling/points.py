@@ -35,14 +35,14 @@ def samples_jvp(
     size: Array,
     limits: Limits,
     wrt: Parameters,
-    tangents: Parameters,
+    tangents: tuple[Parameters, ...],
     x: Array,
     y: Array,
-) -> Array:
-    """The derivative of radiance at image positions along the tangents of the parameters `wrt`."""
+) -> tuple[Array, ...]:
+    """The derivatives of radiance at image positions along tangents of the parameters `wrt`."""
     moving = Forward(structure, parameters, size, wrt, tangents)
-    rays = moving.ray(lambda frame: image_ray(frame, size, x, y))
-    return in_lanes(x, radiance_jvp(moving.scene, moving.tangents, *rays, limits))
+    rays = moving.rays(lambda frame: image_ray(frame, size, x, y))
+    return tuple(in_lanes(x, slope) for slope in radiance_jvp(moving.directions, *rays, limits))
 
 
 @frozen
