@@ -1,21 +1,22 @@
 """The samples and edges of pixels where edges crowd, as far as derivatives need them.
 
-Each such pixel is a block of finer samples with a ring of samples around it. It is on its own: a
-pair of samples that lies across the border of two blocks is in both, and each takes the part in its
-own pixel.
+Each such pixel is a block of finer samples with a ring of samples around it. Where two blocks
+touch, each has a row of the other's samples in its ring, and the pairs across the border are in
+both. What is in both is traced once; each block takes the part in its own pixel.
 
 Edges between finer samples are told from the samples alone (`between.py`), and the interior term is
 that of every other sample, as on the squares of one colour of a chessboard (`representation.py`).
 """
 
 from collections.abc import Iterator
+from functools import cached_property
 
 import drjit as dr
 import numpy as np
 from drjit.llvm import ad
 
 from ..core.arrays import Array
-from ..core.host import chunks, stacked, to_numpy
+from ..core.host import chunks, stacked, to_lanes, to_numpy
 from ..sampling.band import Band
 from . import kernels, settings
 from .between import Between
@@ -59,7 +60,8 @@ def _blocks(band: Band, pixels: np.ndarray, side: int) -> list["Block"]:
 class Block:
     """Some pixels where edges crowd.
 
-    Samples have places in (blocks, rows, columns); rows and columns include the ring.
+    Samples have places in (blocks, rows, columns); rows and columns include the ring. The corners
+    of the ring stand for the samples next to them inside.
     """
 
     def __init__(self, band: Band, pixels: np.ndarray, side: int) -> None:
@@ -72,9 +74,44 @@ class Block:
         # The pixel of each place; -1 in the ring
         inside = np.pad(np.ones((side, side), bool), 1)
         self.pixel = np.where(inside, pixels.astype(np.int32)[:, None, None], -1).ravel()
-        self.color, self.label = kernels.bright_samples(*band.inputs, *band.lanes(self.x, self.y))
+        self.inner = self._inner()
+        traced, self.number = self._traced()
+        place = band.lanes(self.x.take(traced), self.y.take(traced))
+        self.color, self.label = kernels.bright_samples(*band.inputs, *place)
         self.kept = np.ones(len(pixels), bool)
         self.pairs: tuple[np.ndarray, ...] = ()
+
+    def _inner(self) -> np.ndarray:
+        """For each place in a ring, the place of the same sample inside of another block; where no
+        block has it, and inside of blocks, the place itself.
+        """
+        band, pixels = self.band, self.pixels
+        block = np.full(band.rows * band.resolution[0], -1)
+        block[pixels] = np.arange(len(pixels))
+        row, column = np.divmod(pixels, band.resolution[0])
+        last, below = band.resolution[0] - 1, band.resolution[0]
+        place = np.arange(len(self.x)).reshape(self.shape)
+        inner = place.copy()
+        for row_of, beside in ((0, 1), (-1, -2)):
+            inner[:, row_of, 0], inner[:, row_of, -1] = place[:, beside, 1], place[:, beside, -2]
+        for legal, step, ring, inside in (
+            (column > 0, -1, np.s_[1:-1, 0], np.s_[1:-1, -2]),
+            (column < last, 1, np.s_[1:-1, -1], np.s_[1:-1, 1]),
+            (row > 0, -below, np.s_[0, 1:-1], np.s_[-2, 1:-1]),
+            (row < band.rows - 1, below, np.s_[-1, 1:-1], np.s_[1, 1:-1]),
+        ):
+            here = np.flatnonzero(legal)
+            there = block[pixels[here] + step]
+            here, there = here[there >= 0], there[there >= 0]
+            inner[(here, *ring)] = place[(there, *inside)]
+        return inner.ravel()
+
+    def _traced(self) -> tuple[np.ndarray, np.ndarray]:
+        """The places of the samples to trace, and for each place the number among them."""
+        traced = np.flatnonzero(self.inner == np.arange(len(self.x)))
+        number = np.zeros(len(self.x), np.uint32)
+        number[traced] = np.arange(len(traced))
+        return traced, number.take(self.inner)
 
     def drop_busy(self) -> np.ndarray:
         """Drop the pixels that have many strong edges, and return them."""
@@ -90,15 +127,20 @@ class Block:
         """The samples of the interior term; the edges are added to a list."""
         # Kernels run while their successors' inputs are made
         place, part = self._parts()
-        found = [(a, b, self._between(a, b)) for a, b in self._in_order()]
+        found = [(*pairs, self._between(*pairs[:2])) for pairs in self._in_order()]
         taken = np.zeros(len(self.x), self.band.dtype)
         edges += [self._edges(*own, taken) for own in found]
         return self._samples(place, part, taken)
 
+    @cached_property
+    def labels(self) -> np.ndarray:
+        """The label at each place."""
+        return self.label.numpy().take(self.number)
+
     def find_pairs(self) -> None:
         """Find neighbours across edges that matter: their places, and their contrast."""
         count, blocks = len(self.x), self.shape[0]
-        color, label = stacked(to_numpy(self.color), slice(count)), self.label.numpy()[:count]
+        color, label = stacked(to_numpy(self.color), self.number), self.labels
         grid, place = label.reshape(self.shape), np.arange(count).reshape(self.shape)
         across = labels_differ(grid[:, 1:-1, :-1], grid[:, 1:-1, 1:])
         down = labels_differ(grid[:, :-1, 1:-1], grid[:, 1:, 1:-1])
@@ -112,13 +154,32 @@ class Block:
         kept = np.flatnonzero(contrast > settings.LEAST_CONTRAST)
         self.pairs = a.take(kept), b.take(kept), contrast.take(kept)
 
-    def _in_order(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """The places of neighbours, those across the same edge together."""
-        a, b, _ = self.pairs
-        label = self.label.numpy()
-        order = np.argsort(self._order(label.take(a)) + self._order(label.take(b)), kind="stable")
+    def _in_order(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """The places a and b of neighbours, those across the same edge together; and the place of a
+        in another block that has the same pair, or -1.
+        """
+        a, b, again = self._once()
+        ends = (self._order(self.labels.take(place)) for place in (a, b))
+        order = np.argsort(sum(ends), kind="stable")
         for part in chunks(len(a), settings.LANES):
-            yield a.take(order[part]), b.take(order[part])
+            yield a.take(order[part]), b.take(order[part]), again.take(order[part])
+
+    def _once(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """`_in_order`, in another order."""
+        a, b, _ = self.pairs
+        inner = self.inner.take(a)
+        # By place and direction, where each pair is in the list. One whose a is in the ring looks
+        # for the same pair in the block that has a inside
+        key = 2 * inner + (b - a > 1)
+        listed = np.full(2 * len(self.x), -1)
+        own = np.flatnonzero(inner == a)
+        listed[key.take(own)] = own
+        other = np.flatnonzero(inner != a)
+        same = listed.take(key.take(other))
+        again = np.full(len(a), -1)
+        again[same[same >= 0]] = a.take(other[same >= 0])
+        kept = np.concatenate([own, other[same < 0]])
+        return a.take(kept), b.take(kept), again.take(kept)
 
     def _order(self, labels: np.ndarray) -> np.ndarray:
         return walk_order(labels, self.band.structure.few_alike)
@@ -133,7 +194,8 @@ class Block:
             dr.opaque(type(self.color.x), 1 / self.side),
         )
         lanes = band.lanes(self.x.take(place), self.y.take(place), place)
-        inputs = *band.inputs, *lanes, below, step, self.color, self.label
+        traced = to_lanes(self.number)
+        inputs = *band.inputs, *lanes, below, step, self.color, self.label, traced
         return place, kernels.representative(*inputs)
 
     def _between(self, a: np.ndarray, b: np.ndarray) -> Between:
@@ -143,25 +205,27 @@ class Block:
         return kernels.edges_between(*self.band.inputs, line)
 
     def _edges(
-        self, a: np.ndarray, b: np.ndarray, found: Between, taken: np.ndarray
+        self, a: np.ndarray, b: np.ndarray, again: np.ndarray, found: Between, taken: np.ndarray
     ) -> MovingPoints:
         """The edges between neighbours.
 
         Args:
+            again: of `_in_order`.
             taken: of all samples, the part that moves with edges; it is added to.
         """
-        ends = self.pixel.take(np.stack([a, b]))
-        share = found.rooted.numpy()[: len(a)]
-        which = np.flatnonzero(share)
-        share = share.take(which)
-        sample = np.where(share > 0, b.take(which), a.take(which))
-        deposit(taken, sample, settings.ROOTED_PART * np.abs(share))
-        # Both samples change the same pixel, as far as they are in it
-        change = (stacked(to_numpy(found.change), slice(len(a))) * (ends >= 0)).sum(0)
-        pixel, change = (
-            np.stack([np.maximum(*ends), -np.ones_like(a)]),
-            np.stack([change, 0 * change]),
+        share, moved = (
+            found.rooted.numpy()[: len(a)],
+            stacked(to_numpy(found.change), slice(len(a))),
         )
+        pixels, changes = [], []
+        for first, known in ((a, a >= 0), (again, again >= 0)):
+            sample = np.where(share > 0, first + (b - a), first)
+            deposit(taken, np.where(known, sample, -1), settings.ROOTED_PART * np.abs(share))
+            # Both samples change the same pixel, as far as they are in it
+            ends = np.where(known, self.pixel.take(np.stack([first, first + (b - a)])), -1)
+            pixels.append(np.maximum(*ends))
+            changes.append((moved * (ends >= 0)).sum(0))
+        pixel, change = np.stack(pixels), np.stack(changes)
         edge = vars(found.edge.path) | vars(found.edge.event)
         return MovingPoints(found.x, found.y, pixel, change, found.jump, edge)
 
@@ -174,6 +238,6 @@ class Block:
         """
         weight = np.maximum(1 - taken.take(place), 0) * part.numpy()[: len(place)]
         weight /= -(-(self.side**2) // 2)
-        order = self._order(self.label.numpy().take(place))
+        order = self._order(self.labels.take(place))
         x, y, pixel = self.x.take(place), self.y.take(place), self.pixel.take(place)
         return Extra(x, y, pixel, weight, order)

@@ -122,15 +122,16 @@ def representative(
     step: Array,
     color: Array,
     label: Array,
+    number: Array,
 ) -> Array:
     """How well samples' derivatives stand for their cells, as `representation` says.
 
     Args:
-        place: of each sample among all that were traced; 0 for none, as in lanes that fill up the
-            last packet.
+        place: of each sample in its block; 0 for none, as in lanes that fill up the last packet.
         row: how many places further the sample below is.
         step: the distance of neighbours.
         color, label: of all samples that were traced.
+        number: for each place, the number of its sample among those.
     """
     scene, frame = prepare(structure, parameters, size)
 
@@ -139,7 +140,8 @@ def representative(
         return labelled_radiance(scene, ray, limits, _dim(limits))
 
     def traced(where):
-        return tuple(dr.gather(type(of), of, where, place > 0) for of in (color, label))
+        which = dr.gather(type(number), number, where, place > 0)
+        return tuple(dr.gather(type(of), of, which, place > 0) for of in (color, label))
 
     around = [(traced(place - way), traced(place + way)) for way in (1, row)]
     return in_lanes(x, representation(traced(place), around, aside, step))
