@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import drjit as dr
 
 from ..core.arrays import Array
+from ..tracing.node import visit
 from .events import classify, has_rooted_outline
 from .locate import end_levels
 from .motion import Edge
@@ -45,19 +46,21 @@ def edge_between(shot: Shot, line: Line, least: Array) -> Between:
     scene, limits = shot.scene, shot.limits
     ends = shot.ray(line, type(line.x)(0)), shot.ray(line, line.length)
     flip = strongest_difference(scene, *ends, limits)
-    event = classify(scene, flip.a, flip.b, limits)
-    (here, there), crosses = end_levels(shot, event, flip.a, flip.b)
-    crosses &= flip.weight > 0
+    pair, nodes = flip.pair, (flip.pair.a, flip.pair.b)
+    sides = [visit(scene, node, limits, hit) for node, hit in zip(nodes, flip.hits, strict=True)]
+    event = classify(scene, *sides)
+    (here, there), crosses = end_levels(shot, event, *nodes)
+    crosses &= pair.weight > 0
     apart = dr.select(crosses & (here != there), here - there, 1)
     along = line.length * dr.select(crosses, here / apart, 0.5)
 
-    edge = Edge(flip.path, event)
+    edge = Edge(pair.path, event)
     slopes = slopes_of(shot, line, along, edge, FADING_BETWEEN)
     finite = dr.isfinite(along) & dr.isfinite(slopes.along) & dr.isfinite(slopes.across)
     valid = crosses & finite & (slopes.along != 0)
     weight, _, change = areas(line, along, slopes, valid)
-    here, there = (bright_below(scene, node, limits, least) for node in (flip.a, flip.b))
-    rooted = valid & has_rooted_outline(scene, event) & (flip.weight >= 2 * limits.faint)
+    here, there = (bright_below(scene, seen, limits, least) for seen in sides)
+    rooted = valid & has_rooted_outline(scene, event) & (pair.weight >= 2 * limits.faint)
     share = dr.select(rooted, weight, 0)
     x, y = line.at(along)
     return Between(

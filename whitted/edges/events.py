@@ -22,7 +22,7 @@ from ..scene.features import bends
 from ..scene.scene import Scene
 from ..scene.texture import coordinates
 from ..shapes.sets import Hit, pick
-from ..tracing.node import Limits, Node, visit
+from ..tracing.node import Limits, Node, Visit
 from ..tracing.scatter import scatter
 from ..tracing.shadow import incident, shadowing
 from ..tracing.surface import Surface, boards, surface
@@ -74,10 +74,10 @@ def _meets(scene: Scene, ray: Ray, index: Array) -> Array:
     return (index != NONE) & pick(scene.sets, index, scene.background).of(meets)
 
 
-def classify(scene: Scene, a: Node, b: Node, limits: Limits) -> Event:
+def classify(scene: Scene, left: Visit, right: Visit) -> Event:
     """The event between two rays that arrive at one node, and there decide differently."""
-    left, right = visit(scene, a, limits), visit(scene, b, limits)
-    here, there = decide(scene, left), decide(scene, right)
+    a, b = left.node, right.node
+    here, there = decide(scene, left, all_sides=True), decide(scene, right, all_sides=True)
     uint, real = type(here.index), type(a.weight)
     event = Event(uint(Kind.NOTHING), here.index, here.inside, uint(NONE), uint(0), real(0))
 

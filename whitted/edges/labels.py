@@ -52,10 +52,14 @@ class Decisions:
         return self.inside, *self.children, *self.total, *self.lights
 
 
-def decide(scene: Scene, seen: Visit) -> Decisions:
-    """The decisions at a node."""
+def decide(scene: Scene, seen: Visit, all_sides: bool = False) -> Decisions:
+    """The decisions at a node.
+
+    Args:
+        all_sides: of `incident`, for what follows. No decision depends on it.
+    """
     ray, at = seen.node.ray, seen.at
-    incidents = [incident(scene, at, k, all_sides=True) for k in range(len(scene.lights))]
+    incidents = [incident(scene, at, k, all_sides) for k in range(len(scene.lights))]
     return Decisions(
         index=at.hit.index,
         inside=at.hit.inside,

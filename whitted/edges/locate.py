@@ -131,10 +131,10 @@ def _locate(shot: Shot, segment: Segment) -> tuple[Array, Edge, Array]:
     """
     scene, limits = shot.scene, shot.limits
     rays = shot.ray(segment, segment.start), shot.ray(segment, segment.stop)
-    flip = strongest_difference(scene, *rays, limits)
+    flip = strongest_difference(scene, *rays, limits).pair
     path = flip.path
     low, high, a, b = _halve(shot, segment, path, flip.a, flip.b)
-    event = classify(scene, a, b, limits)
+    event = classify(scene, visit(scene, a, limits), visit(scene, b, limits))
 
     ends, crosses = end_levels(shot, event, a, b)
     crosses &= flip.weight > 0

@@ -13,6 +13,7 @@ from ..core.arrays import Array
 from ..core.ray import Ray
 from ..scene.features import reflects
 from ..scene.scene import Scene
+from ..shapes.sets import Hit
 from ..tracing.node import BELOW, ON, Limits, Node, Visit, visit
 from ..tracing.recursion import walk
 from ..tracing.scatter import Branch
@@ -107,20 +108,33 @@ def contrasted(scene: Scene, ray: Ray, path: Path, limits: Limits) -> tuple[Arra
     return light, joined(label)
 
 
-def bright_below(scene: Scene, root: Node, limits: Limits, least: Array) -> Array:
+def bright_below(scene: Scene, root: Visit, limits: Limits, least: Array) -> Array:
     """Radiance of a node and of what is below it and weighs enough, times the weights."""
+    known = [root]
 
     def step(node, light):
-        seen = visit(scene, node, limits)
-        light = dr.fma(node.weight, emitted(scene, node.ray, seen.at), light)
-        return light, seen.children, heavy(seen, least)
+        # The straight code of the root comes first, and only once
+        seen = known.pop() if known else visit(scene, node, limits)
+        return _with_light(scene, seen, light), seen.children, heavy(seen, least)
 
-    return walk(scene, limits, root, dr.zeros(type(root.o), dr.width(root)), step, "bright")
+    dark = dr.zeros(type(root.node.o), dr.width(root.node))
+    return walk(scene, limits, root.node, dark, step, "bright_below", levels=1)
 
 
 def bright_light(scene: Scene, ray: Ray, limits: Limits, least: Array) -> Array:
     """Radiance along rays, but for what comes from nodes that weigh too little."""
-    return bright_below(scene, Node.first(scene, ray), limits, least)
+
+    def step(node, light):
+        seen = visit(scene, node, limits)
+        return _with_light(scene, seen, light), seen.children, heavy(seen, least)
+
+    dark = dr.zeros(type(ray.o), dr.width(ray))
+    return walk(scene, limits, Node.first(scene, ray), dark, step, "bright")
+
+
+def _with_light(scene: Scene, seen: Visit, light: Array) -> Array:
+    """The light of nodes so far, and that of one more."""
+    return dr.fma(seen.node.weight, emitted(scene, seen.node.ray, seen.at), light)
 
 
 def dim_light(scene: Scene, ray: Ray, limits: Limits, least: Array) -> Array:
@@ -171,7 +185,15 @@ class Pair:
         return Path(self.a.depth - 1, self.turns)
 
 
-def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> Pair:
+@dataclass
+class Flip:
+    """Where two trees differ (not frozen: Dr.Jit's loops write to their state)."""
+
+    pair: Pair
+    hits: tuple[Hit, Hit]  # of the two rays
+
+
+def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> Flip:
     """The node of the largest weight at which the trees of two rays decide differently.
 
     Both trees are walked at once.
@@ -187,10 +209,11 @@ def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> Pair:
         left, right = visit(scene, pair.a, limits), visit(scene, pair.b, limits)
         differ = decisions_differ(decide(scene, left), decide(scene, right))
         differ &= pair.weight >= limits.faint
-        best = dr.select(differ & (pair.weight > best.weight), pair, best)
+        here = Flip(pair, (left.at.hit, right.at.hit))
+        best = dr.select(differ & (pair.weight > best.pair.weight), here, best)
         # All nodes below one weigh less than it does. So there is nothing to find below a node that
         # is too faint for an edge, or fainter than the best so far
-        least = dr.fmax(limits.faint, best.weight)
+        least = dr.fmax(limits.faint, best.pair.weight)
         children, onward = [], []
         for turn, (x, y) in enumerate(zip(left.branches, right.branches, strict=True)):
             bounce = dr.minimum(long(pair.a.depth - 1), REMEMBERED - 1)
@@ -202,5 +225,6 @@ def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> Pair:
 
     zero = dr.zeros(type(first.weight), dr.width(first))
     nothing = Node(first.o + 0, first.d + 0, zero, first.link.copy())
-    none = Pair(nothing, second.o + 0, second.d + 0, zero + 0, root.turns + 0)
+    pair = Pair(nothing, second.o + 0, second.d + 0, zero + 0, root.turns + 0)
+    none = Flip(pair, (Hit.none(zero), Hit.none(zero)))
     return walk(scene, limits, root, none, step, "strongest_difference")

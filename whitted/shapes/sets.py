@@ -29,6 +29,13 @@ class Hit:
     index: Array  # UInt32: number of the primitive, or NONE
     inside: Array  # Bool: the ray travelled in the primitive that it hit
 
+    @staticmethod
+    def none(like: Array) -> "Hit":
+        """Of rays that leave the scene, as many as a real array has lanes."""
+        width, uint = dr.width(like), dr.uint32_array_t(like)
+        t, number = dr.full(type(like), dr.inf, width), dr.full(uint, NONE, width)
+        return Hit(t, number, dr.full(dr.mask_t(like), False, width))
+
 
 def nearer(
     hit: Hit, number: Array, shape: Shape, met: tuple[Array, Array, Array], ordered: bool = True
