@@ -155,31 +155,30 @@ class Block:
         self.pairs = a.take(kept), b.take(kept), contrast.take(kept)
 
     def _in_order(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """The places a and b of neighbours, those across the same edge together; and the place of a
-        in another block that has the same pair, or -1.
+        """The places a and b of neighbours, those across the same edge together; and (2, N), the
+        place of a in the block that has it inside, and in one that has it in its ring, or -1.
         """
-        a, b, again = self._once()
+        a, b, places = self._once()
         ends = (self._order(self.labels.take(place)) for place in (a, b))
         order = np.argsort(sum(ends), kind="stable")
         for part in chunks(len(a), settings.LANES):
-            yield a.take(order[part]), b.take(order[part]), again.take(order[part])
+            yield a.take(order[part]), b.take(order[part]), places.take(order[part], 1)
 
     def _once(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """`_in_order`, in another order."""
         a, b, _ = self.pairs
-        inner = self.inner.take(a)
-        # By place and direction, where each pair is in the list. One whose a is in the ring looks
-        # for the same pair in the block that has a inside
-        key = 2 * inner + (b - a > 1)
+        in_ring = self.pixel.take(a) < 0
+        own, other = np.flatnonzero(~in_ring), np.flatnonzero(in_ring)
+        # By place and direction, where a pair is in the list. One whose a is in the ring looks for
+        # the same pair in the block that has a inside
+        key = 2 * self.inner.take(a) + (b - a > 1)
         listed = np.full(2 * len(self.x), -1)
-        own = np.flatnonzero(inner == a)
         listed[key.take(own)] = own
-        other = np.flatnonzero(inner != a)
         same = listed.take(key.take(other))
-        again = np.full(len(a), -1)
-        again[same[same >= 0]] = a.take(other[same >= 0])
+        places = np.where([~in_ring, in_ring], a, -1)
+        places[1, same[same >= 0]] = a.take(other[same >= 0])
         kept = np.concatenate([own, other[same < 0]])
-        return a.take(kept), b.take(kept), again.take(kept)
+        return a.take(kept), b.take(kept), places.take(kept, 1)
 
     def _order(self, labels: np.ndarray) -> np.ndarray:
         return walk_order(labels, self.band.structure.few_alike)
@@ -205,12 +204,12 @@ class Block:
         return kernels.edges_between(*self.band.inputs, line)
 
     def _edges(
-        self, a: np.ndarray, b: np.ndarray, again: np.ndarray, found: Between, taken: np.ndarray
+        self, a: np.ndarray, b: np.ndarray, places: np.ndarray, found: Between, taken: np.ndarray
     ) -> MovingPoints:
-        """The edges between neighbours.
+        """The edges between neighbours. What a pixel gets of them has one order in all bands.
 
         Args:
-            again: of `_in_order`.
+            places: of `_in_order`.
             taken: of all samples, the part that moves with edges; it is added to.
         """
         share, moved = (
@@ -218,11 +217,12 @@ class Block:
             stacked(to_numpy(found.change), slice(len(a))),
         )
         pixels, changes = [], []
-        for first, known in ((a, a >= 0), (again, again >= 0)):
-            sample = np.where(share > 0, first + (b - a), first)
+        for first in places:
+            known, second = first >= 0, first + (b - a)
+            sample = np.where(share > 0, second, first)
             deposit(taken, np.where(known, sample, -1), settings.ROOTED_PART * np.abs(share))
             # Both samples change the same pixel, as far as they are in it
-            ends = np.where(known, self.pixel.take(np.stack([first, first + (b - a)])), -1)
+            ends = np.where(known, self.pixel.take(np.stack([first, second])), -1)
             pixels.append(np.maximum(*ends))
             changes.append((moved * (ends >= 0)).sum(0))
         pixel, change = np.stack(pixels), np.stack(changes)
