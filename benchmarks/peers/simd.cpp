@@ -5,6 +5,7 @@
 #include <atomic>
 #include <bit>
 #include <experimental/simd>
+#include <immintrin.h>
 #include <thread>
 
 namespace simd = std::experimental;
@@ -40,6 +41,16 @@ template <class T> INLINE void put(const M &where, Lanes &to, const Vec<T> &from
     simd::where(where, to.z) = from.z;
 }
 
+// 1 / sqrt(a): the processor's guess and a step of Newton's method
+INLINE V inverse_root(const V &a) {
+#ifdef __AVX512F__
+    V y(_mm512_rsqrt14_ps(static_cast<__m512>(a)));
+#else
+    V y(_mm256_rsqrt_ps(static_cast<__m256>(a)));
+#endif
+    return y * (1.5f - .5f * a * y * y);
+}
+
 // The scene as peers/simd_peer.py lays it out
 struct Material { Three color; float specular, shininess, reflection, refraction, ior; };
 struct Sphere { Three center; float radius; Material material; };
@@ -54,14 +65,14 @@ struct Scene {
 INLINE V power(const V &base, const V &exponent) {
     I bits = std::bit_cast<I>(base), whole = (bits - 0x3f3504f3) >> 23;
     V m = std::bit_cast<V>(bits - (whole << 23)) - 1.f;
-    V log = -.14620353f;
-    for (float c : {.23420985f, -.24882181f, .28707561f, -.36024199f, .48092404f, -.72135276f,
-                    1.44269496f})
-        log = log * m + c;
+    V m2 = m * m, m4 = m2 * m2;
+    V log = ((-.14620353f * m + .23420985f) * m2 + (-.24882181f * m + .28707561f)) * m4 +
+            ((-.36024199f * m + .48092404f) * m2 + (-.72135276f * m + 1.44269496f));
     V y = exponent * (log * m + simd::static_simd_cast<V>(whole));
     y = simd::max(y, V(-126.f));
-    V near = simd::nearbyint(y), x = y - near, exp = .00134004f;
-    for (float c : {.00967604f, .05550327f, .24022107f, .69314721f, 1.f}) exp = exp * x + c;
+    V near = simd::nearbyint(y), x = y - near, x2 = x * x;
+    V exp = ((.00134004f * x + .00967604f) * x2 + (.05550327f * x + .24022107f)) * x2 +
+            (.69314721f * x + 1);
     return std::bit_cast<V>(std::bit_cast<I>(exp) + (simd::static_simd_cast<I>(near) << 23));
 }
 
@@ -147,14 +158,14 @@ __attribute__((noinline)) Lanes trace(const Scene &s, const Lanes &o, const Lane
     cosine = abs(cosine);
 
     Lanes result{}, to = s.light - p;
-    V far = sqrt(dot(to, to));
-    Lanes l = to * (1 / far);
+    V squared = dot(to, to), inverse = inverse_root(squared), far = squared * inverse;
+    Lanes l = to * inverse;
     V lambert = dot(n, l);
     M lit = hit && lambert > 0;
     if (any_of(lit)) {
         lit = lit && !occluded(s, p, l, far, index, inside, lit);
         // The half vector is l - d, whose square is 2 - 2 l.d
-        V shine = (lambert + cosine) / sqrt(2 - 2 * dot(l, d));
+        V shine = (lambert + cosine) * inverse_root(2 - 2 * dot(l, d));
         V spot = specular * power(shine, shininess);
         put(lit, result, Lanes{s.intensity.x * (color.x * lambert + spot),
                                s.intensity.y * (color.y * lambert + spot),
@@ -186,13 +197,17 @@ INLINE void block(const Scene &s, int left, int top, float *picture) {
     V x([&](int lane) { return left + lane % WIDE + .5f; });
     V y([&](int lane) { return top + lane / WIDE + .5f; });
     Lanes d = s.forward + s.right * (x * (2.f / SIZE) - 1) + s.up * (1 - y * (2.f / SIZE));
-    d = d * (1 / sqrt(dot(d, d)));
+    d = d * inverse_root(dot(d, d));
     V zero = 0;
     Lanes o{zero + s.camera.x, zero + s.camera.y, zero + s.camera.z};
     Lanes c = trace<1>(s, o, d, V(NONE), M(false), M(true));
+    float r[LANES], g[LANES], b[LANES];
+    c.x.copy_to(r, simd::element_aligned);
+    c.y.copy_to(g, simd::element_aligned);
+    c.z.copy_to(b, simd::element_aligned);
     for (int lane = 0; lane < LANES; lane++) {
         float *pixel = picture + 3 * ((top + lane / WIDE) * SIZE + left + lane % WIDE);
-        pixel[0] = c.x[lane], pixel[1] = c.y[lane], pixel[2] = c.z[lane];
+        pixel[0] = r[lane], pixel[1] = g[lane], pixel[2] = b[lane];
     }
 }
 
