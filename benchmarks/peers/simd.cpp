@@ -4,6 +4,7 @@
 // of the scene are data. Masks are of lanes; whatever no lane of a packet needs is branched around.
 #include <atomic>
 #include <bit>
+#include <cstring>
 #include <experimental/simd>
 #include <immintrin.h>
 #include <thread>
@@ -97,20 +98,22 @@ INLINE M occluded(const Scene &s, const Lanes &p, const Lanes &l, const V &far, 
                   const M &inside, M open) {
     M blocked(false);
     for (int k = 0; k < SPHERES; k++) {
+        const Sphere &sphere = s.spheres[k];
         M hits = open;
         V distance;
-        if (meets(s.spheres[k], s.spheres[k].center - p, l, index == k, inside, far, hits, distance))
+        if (meets(sphere, sphere.center - p, l, index == k, inside, far, hits, distance))
             blocked = blocked || hits;
     }
     return blocked;
 }
 
-template <int depth>
-__attribute__((noinline)) Lanes trace(const Scene &s, const Lanes &o, const Lanes &d, const V &source, const M &inward,
-            const M &active) {
+// The nearest shape that each ray meets, or NONE, and its distance
+INLINE void closest(const Scene &s, const Lanes &o, const Lanes &d, const V &source,
+                    const M &inward, const M &active, V &t, V &index) {
     // No ray starts on a plane, as none reflects. The nearest is kept as a fraction, so that all
     // planes share one division
-    V above = 1, below = 1 / FAR, index = NONE;
+    V above = 1, below = 1 / FAR;
+    index = NONE;
     for (int k = 0; k < PLANES; k++) {
         const Plane &plane = s.planes[k];
         V height = -dot(o, plane.normal) - plane.offset, slope = dot(d, plane.normal);
@@ -119,15 +122,24 @@ __attribute__((noinline)) Lanes trace(const Scene &s, const Lanes &o, const Lane
         simd::where(hits, below) = abs(slope);
         simd::where(hits, index) = SPHERES + k;
     }
-    V t = above / below;
+    t = above / below;
     for (int k = 0; k < SPHERES; k++) {
+        const Sphere &sphere = s.spheres[k];
         M hits = active;
         V distance;
-        if (meets(s.spheres[k], s.spheres[k].center - o, d, source == k, inward, t, hits, distance)) {
+        if (meets(sphere, sphere.center - o, d, source == k, inward, t, hits, distance)) {
             simd::where(hits, t) = distance;
             simd::where(hits, index) = k;
         }
     }
+}
+
+// The light that rays bring back. They start on the shape `source`, and go into it or not
+template <int depth>
+Lanes trace(const Scene &s, const Lanes &o, const Lanes &d, const V &source, const M &inward,
+            const M &active) {
+    V t, index;
+    closest(s, o, d, source, inward, active, t, index);
     M hit = active && index >= 0;
     Lanes p = o + d * t, n{}, color{};
     V specular = 0, shininess = 1, reflection = 0, refraction = 0, ior = 1;
@@ -192,22 +204,32 @@ __attribute__((noinline)) Lanes trace(const Scene &s, const Lanes &o, const Lane
     return result;
 }
 
-// A block of pixels, a row of which is neighbours in the picture
-INLINE void block(const Scene &s, int left, int top, float *picture) {
-    V x([&](int lane) { return left + lane % WIDE + .5f; });
-    V y([&](int lane) { return top + lane / WIDE + .5f; });
-    Lanes d = s.forward + s.right * (x * (2.f / SIZE) - 1) + s.up * (1 - y * (2.f / SIZE));
-    d = d * inverse_root(dot(d, d));
-    V zero = 0;
-    Lanes o{zero + s.camera.x, zero + s.camera.y, zero + s.camera.z};
-    Lanes c = trace<1>(s, o, d, V(NONE), M(false), M(true));
-    float r[LANES], g[LANES], b[LANES];
-    c.x.copy_to(r, simd::element_aligned);
-    c.y.copy_to(g, simd::element_aligned);
-    c.z.copy_to(b, simd::element_aligned);
-    for (int lane = 0; lane < LANES; lane++) {
-        float *pixel = picture + 3 * ((top + lane / WIDE) * SIZE + left + lane % WIDE);
-        pixel[0] = r[lane], pixel[1] = g[lane], pixel[2] = b[lane];
+// A row of blocks, HIGH rows of pixels: colours lie apart first, and are woven at the end
+INLINE void strip(const Scene &s, int top, float *picture) {
+    float red[HIGH][SIZE], green[HIGH][SIZE], blue[HIGH][SIZE];
+    V row([&](int lane) { return top + lane / WIDE + .5f; });
+    Lanes high = s.forward + s.up * (1 - row * (2.f / SIZE));
+    for (int left = 0; left < SIZE; left += WIDE) {
+        V column([&](int lane) { return left + lane % WIDE + .5f; });
+        Lanes d = high + s.right * (column * (2.f / SIZE) - 1);
+        d = d * inverse_root(dot(d, d));
+        V zero = 0;
+        Lanes o{zero + s.camera.x, zero + s.camera.y, zero + s.camera.z};
+        Lanes c = trace<1>(s, o, d, V(NONE), M(false), M(true));
+        float r[LANES], g[LANES], b[LANES];
+        c.x.copy_to(r, simd::element_aligned);
+        c.y.copy_to(g, simd::element_aligned);
+        c.z.copy_to(b, simd::element_aligned);
+        for (int y = 0; y < HIGH; y++) {
+            std::memcpy(&red[y][left], r + y * WIDE, WIDE * sizeof(float));
+            std::memcpy(&green[y][left], g + y * WIDE, WIDE * sizeof(float));
+            std::memcpy(&blue[y][left], b + y * WIDE, WIDE * sizeof(float));
+        }
+    }
+    for (int y = 0; y < HIGH; y++) {
+        float *__restrict pixel = picture + 3 * (top + y) * SIZE;
+        for (int x = 0; x < SIZE; x++)
+            pixel[3 * x] = red[y][x], pixel[3 * x + 1] = green[y][x], pixel[3 * x + 2] = blue[y][x];
     }
 }
 
@@ -217,7 +239,7 @@ extern "C" void render(const Scene *scene, float *picture) {
     std::atomic<int> next{0};
     auto work = [&] {
         for (int top; (top = next.fetch_add(HIGH)) < SIZE;)
-            for (int left = 0; left < SIZE; left += WIDE) block(*scene, left, top, picture);
+            strip(*scene, top, picture);
     };
     std::thread other(work);
     work();
