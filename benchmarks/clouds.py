@@ -8,14 +8,11 @@ and two lights. Times are the least of several calls, once all kernels are compi
 those with edges, which take minutes for many spheres. --check compares the first hits of a million
 rays with an exhaustive search in double precision. --peers adds Mitsuba 3 with Embree and POV-Ray
 3.7, which trace the same scene in turns with the plain picture; "load" is the time of `load_dict`
-and of parsing.
+and of parsing, "off" tells how many pixels differ from the plain picture by more than 0.01.
 """
 
 import argparse
-import json
-import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -23,6 +20,7 @@ from pathlib import Path
 import drjit as dr
 import numpy as np
 from clock import milliseconds
+from cloud_peers import PEERS, in_turns
 from drjit.llvm import ad
 
 import whitted as wt
@@ -34,9 +32,6 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
 from flake import flake, scene_of
 
 SIZE, DEPTH = 512, 5
-HERE = Path(__file__).parent
-# The script of each peer, and how many spheres it can load in less than some minutes
-PEERS = {"Embree": ("cloud_embree.py", 100_000), "POV-Ray": ("pov.py", 1_000_000)}
 CENTER, RADIUS = "clouds.balls.center", "clouds.balls.radius"
 
 
@@ -76,56 +71,6 @@ def trees(spheres: np.ndarray) -> tuple[float, float]:
     return built - start, end - built
 
 
-class Other:
-    """Another program, in a process of its own: a script of peers/ and its scene."""
-
-    def __init__(self, script: str, path: Path) -> None:
-        command = [sys.executable, str(HERE / "peers" / script), str(path)]
-        pipe = subprocess.PIPE
-        self.process = subprocess.Popen(
-            command, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL, text=True
-        )
-        self.answer = self.read()
-
-    def read(self) -> dict:
-        return json.loads(self.process.stdout.readline() or '{"missing": "it stopped"}')
-
-    def call(self) -> float:
-        """Milliseconds of a picture."""
-        print('{"call": "image"}', file=self.process.stdin, flush=True)
-        self.answer = self.read()
-        return self.answer.get("ms", dr.nan)
-
-    def end(self) -> None:
-        self.process.stdin.close()
-        self.process.wait()
-
-
-def in_turns(scene: wt.Scene, count: int, turns: int = 3) -> dict[str, float]:
-    """The least seconds of the plain picture and of the peers', and the peers' times to load."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "scene.json"
-        path.write_text(json.dumps(scene.to_dict()))
-        others = {
-            name: Other(script, path) for name, (script, most) in PEERS.items() if count <= most
-        }
-        for name in [name for name, other in others.items() if "missing" in other.answer]:
-            print(f"{name} is left out: {others.pop(name).answer['missing']}", file=sys.stderr)
-        calls = {name: other.call for name, other in others.items()}
-        calls["plain"] = lambda: milliseconds(lambda: wt.render(scene, boundary=False))
-        times: dict[str, list[float]] = {name: [] for name in calls}
-        for _ in range(turns):
-            for name, call in calls.items():
-                # The first call finds what another program left in the caches
-                call()
-                times[name].append(call())
-        found = {name: min(values) / 1e3 for name, values in times.items()}
-        for name, other in others.items():
-            found[f"load {name}"] = other.answer["compiled"]
-            other.end()
-    return found
-
-
 def misses(spheres: np.ndarray, rays: int = 1_000_000) -> int:
     """Rays whose nearest sphere is another one than an exhaustive search finds."""
     # As single precision rounds them
@@ -162,7 +107,7 @@ def main() -> None:
     parser.add_argument("--peers", action="store_true")
     asked = parser.parse_args()
     heads = ["spheres", "build", "refit", "plain", "+ interior", *["edges", "right"] * asked.edges]
-    heads += [head for name in PEERS for head in (name, "load")] * asked.peers
+    heads += [head for name in PEERS for head in (name, "load", "off")] * asked.peers
     print(*(f"{head:>11}" for head in heads))
     for what in asked.what:
         spheres = spheres_of(what)
@@ -171,12 +116,11 @@ def main() -> None:
         if asked.edges:
             calls += [lambda: wt.render(scene), lambda: gradient(scene, True)]  # noqa: B023
         seconds = [*trees(spheres), *(least(call) / 1e3 for call in calls)]
+        cells = [f"{value:9.3f} s" for value in seconds]
         if asked.peers:
-            found = in_turns(scene, len(spheres))
-            seconds[2] = found["plain"]
-            seconds += [found.get(key, dr.nan) for name in PEERS for key in (name, f"load {name}")]
-        cells = (" " * 10 + "-" if value != value else f"{value:9.3f} s" for value in seconds)
-        print(f"{len(spheres):11}", *cells, flush=True)
+            cells[2], *others = in_turns(scene, len(spheres))
+            cells += others
+        print(f"{len(spheres):11}", *(f"{cell:>11}" for cell in cells), flush=True)
         if asked.check:
             print(f"rays that miss a sphere: {misses(spheres)} of 1000000")
 
