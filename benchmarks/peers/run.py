@@ -1,6 +1,6 @@
 """Measure other renderers beside this one, on the same scene in the same run.
 
-    python benchmarks/peers/run.py [ROUNDS] [-o DIR]
+    python benchmarks/peers/run.py [ROUNDS] [-o DIR] [--without NAME ...]
 
 Each peer that is installed runs in a process of its own, with an empty cache. Its first image and
 gradient are timed alone, for the compile time; then all take turns. Writes peers.md and peers.png
@@ -173,11 +173,11 @@ def difference(picture: Path, ours: Path) -> dict:
     }
 
 
-def measure(rounds: int) -> tuple[list[dict], dict[str, str]]:
+def measure(rounds: int, without: list[str]) -> tuple[list[dict], dict[str, str]]:
     """What was measured of each peer, and why peers are missing."""
     with tempfile.TemporaryDirectory() as cache:
         workers = []
-        for name in PEERS:
+        for name in [name for name in PEERS if name not in without]:
             worker = Worker(name, cache)
             worker.begin()
             print(f"{name}: {worker.missing or 'ready'}", flush=True)
@@ -195,11 +195,12 @@ def measure(rounds: int) -> tuple[list[dict], dict[str, str]]:
         return rows, {worker.name: worker.missing for worker in workers if worker.missing}
 
 
-def script(name: str) -> str:
+def script(name: str) -> dict:
     """What another script of this folder prints."""
-    return subprocess.run(
-        [sys.executable, str(HERE / name)], check=True, capture_output=True, text=True
-    ).stdout
+    done = subprocess.run([sys.executable, str(HERE / name)], capture_output=True, text=True)
+    if done.returncode:
+        return {"missing": f"{name} stopped with status {done.returncode}"}
+    return json.loads(done.stdout)
 
 
 def cell(row: dict, call: str, field: str, form: str) -> str:
@@ -403,9 +404,16 @@ def main() -> None:
         metavar="DIR",
         help="folder for peers.md and peers.png [default: results]",
     )
+    parser.add_argument(
+        "--without",
+        nargs="+",
+        default=[],
+        choices=[name for name in PEERS if name not in (PLAIN, OURS, KERNEL)],
+        help="peers to leave out, as they stand in the table",
+    )
     arguments = parser.parse_args()
-    rows, missing = measure(arguments.rounds)
-    references, limits = json.loads(script("reference.py")), json.loads(script("mitsuba_limits.py"))
+    rows, missing = measure(arguments.rounds, arguments.without)
+    references, limits = script("reference.py"), script("mitsuba_limits.py")
     arguments.output.mkdir(parents=True, exist_ok=True)
     page = document(rows, missing, references, limits, arguments.rounds)
     (arguments.output / "peers.md").write_text(page)
