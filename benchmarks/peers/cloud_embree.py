@@ -2,7 +2,7 @@
 
 Each ball is a `sphere` of its own, and Embree finds what rays meet. Normals are computed here from
 the balls' numbers: with `ray_intersect`, which asks each shape for them, Dr.Jit records a function
-for every ball in each call, and a picture of 7381 balls took 2.5 s.
+for every ball in each call, and a picture of 7381 balls took seconds.
 
 Mitsuba's `ellipsoids`, one shape of many, loads in 0.01 s, but its hits in single precision are
 wrong where balls are small: of a sphere-flake of 7381 balls half were off by more than 1e-4.
