@@ -6,7 +6,9 @@ Each NUMBER is that of evenly spread mirror balls, or a word such as "flake5" fo
 of examples/flake.py with so many levels. The picture has 512 x 512 pixels, up to 5 mirrors in a row
 and two lights. Times are the least of several calls, once all kernels are compiled. --edges adds
 those with edges, which take minutes for many spheres. --check compares the first hits of a million
-rays with an exhaustive search in double precision.
+rays with an exhaustive search in double precision. --peers adds Mitsuba 3 with Embree and POV-Ray
+3.7, which trace the same scene in turns with the plain picture; "load" is the time of `load_dict`
+and of parsing, "off" tells how many pixels differ from the plain picture by more than 0.01.
 """
 
 import argparse
@@ -18,6 +20,7 @@ from pathlib import Path
 import drjit as dr
 import numpy as np
 from clock import milliseconds
+from cloud_peers import PEERS, in_turns
 from drjit.llvm import ad
 
 import whitted as wt
@@ -101,8 +104,10 @@ def main() -> None:
     parser.add_argument("what", nargs="+")
     parser.add_argument("--edges", action="store_true")
     parser.add_argument("--check", action="store_true")
+    parser.add_argument("--peers", action="store_true")
     asked = parser.parse_args()
-    heads = "spheres", "build", "refit", "plain", "+ interior", *(("edges", "right") * asked.edges)
+    heads = ["spheres", "build", "refit", "plain", "+ interior", *["edges", "right"] * asked.edges]
+    heads += [head for name in PEERS for head in (name, "load", "off")] * asked.peers
     print(*(f"{head:>11}" for head in heads))
     for what in asked.what:
         spheres = spheres_of(what)
@@ -111,7 +116,11 @@ def main() -> None:
         if asked.edges:
             calls += [lambda: wt.render(scene), lambda: gradient(scene, True)]  # noqa: B023
         seconds = [*trees(spheres), *(least(call) / 1e3 for call in calls)]
-        print(f"{len(spheres):11}", *(f"{value:9.3f} s" for value in seconds), flush=True)
+        cells = [f"{value:9.3f} s" for value in seconds]
+        if asked.peers:
+            cells[2], *others = in_turns(scene, len(spheres))
+            cells += others
+        print(f"{len(spheres):11}", *(f"{cell:>11}" for cell in cells), flush=True)
         if asked.check:
             print(f"rays that miss a sphere: {misses(spheres)} of 1000000")
 

@@ -34,9 +34,10 @@ class MissingError(Exception):
     """A peer is not installed."""
 
 
-def scene() -> dict:
-    """What the scene file says."""
-    return tomllib.loads(SCENE.read_text())
+def scene(path: str | Path = SCENE) -> dict:
+    """What a scene file says, in TOML or in JSON."""
+    text = Path(path).read_text()
+    return json.loads(text) if str(path).endswith(".json") else tomllib.loads(text)
 
 
 def values() -> dict[str, list[float]]:
@@ -79,7 +80,7 @@ class Peer:
     sums = None  # derivatives of the summed image, by name of PROBES
     milliseconds = None  # of the last call, where the peer takes the time itself
     megabytes = None  # of the last call, where the peer runs another process
-    compiled = None  # seconds of compilation, where it is not part of the first call
+    compiled = None  # seconds of compiling or loading, where they are not part of the first call
 
 
 def answer(peer: Peer, request: dict) -> dict:

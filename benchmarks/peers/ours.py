@@ -1,4 +1,4 @@
-"""This project, without edges or with them: ours.py plain|boundary"""
+"""This project, without edges or with them, or its kernels alone: ours.py plain|boundary|kernel"""
 
 import sys
 
@@ -41,5 +41,27 @@ class Ours(common.Peer):
         return {name: found[place] for name, place in common.PROBES.items()}
 
 
+class Kernel(Ours):
+    """The time that the kernels of plain calls run."""
+
+    def __init__(self) -> None:
+        super().__init__(False)
+
+    def timed(self, call):
+        from whitted.measure.timing import recorded
+
+        with recorded() as kernels:
+            result = call()
+        self.milliseconds = kernels.run_seconds * 1e3
+        return result
+
+    def image(self):
+        return self.timed(super().image)
+
+    def gradient(self, loss=None) -> list[float]:
+        return self.timed(lambda: super(Kernel, self).gradient(loss))
+
+
 if __name__ == "__main__":
-    common.serve(lambda: Ours(sys.argv[1] == "boundary"))
+    what = sys.argv[1]
+    common.serve(Kernel if what == "kernel" else lambda: Ours(what == "boundary"))
