@@ -46,7 +46,7 @@ def labelled_image(
         dr.scatter(labels, label, ad.UInt32(place))
         return (color,)
 
-    return *accumulate(film, of_sample, type(scene.background)), labels
+    return *accumulate(film, of_sample, type(scene.background), writes=True), labels
 
 
 @frozen

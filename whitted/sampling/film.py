@@ -14,12 +14,14 @@ from ..tracing.primary import CameraFrame, image_ray
 class Film:
     """A band of rows of an image.
 
-    All but the first three numbers are opaque to kernels, so that one kernel serves every image.
+    All but the first three numbers are opaque to kernels, so that one kernel serves every image;
+    but images of one sample a pixel have kernels of their own, without a loop over samples.
     """
 
     pixels: int
     lanes: int  # pixels and their margin, rounded up to whole 4 x 4 blocks
     labels: int  # samples, those of the margin included
+    single: bool  # one sample a pixel
     count: Array  # Int: the same as `lanes`
     width: Array  # Int
     rows: Array  # Int: rows in this band
@@ -55,6 +57,7 @@ def film_of(
         pixels=width * rows,
         lanes=lanes,
         labels=(width + 2 * margin) * (rows + 2 * margin) * side**2,
+        single=side == 1,
         count=dr.opaque(ad.Int, lanes),
         width=dr.opaque(ad.Int, width),
         rows=dr.opaque(ad.Int, rows),

@@ -29,6 +29,7 @@ def accumulate(
     of_sample: Callable[[Array, Array, Array, Array], tuple[Array, ...]],
     color: Any,
     count: int = 1,
+    writes: bool = False,
 ) -> tuple[Array, ...]:
     """A band's pixels in some images, row-major with RGB interleaved: the means of their samples.
 
@@ -37,6 +38,8 @@ def accumulate(
             grid; returns the sample's Array3f in each image. It is also called for the margin.
         color: the type of Array3f.
         count: the number of images.
+        writes: the function also writes to memory. If not, one sample a pixel takes no loop, and
+            lanes that fill up the last blocks are traced as well.
     """
     x, y, valid = pixel(film, dr.arange(ad.Int, film.lanes))
 
@@ -46,9 +49,12 @@ def accumulate(
         i, j = next_sample(film, i, j)
         return i, j, total, active & (j < film.side)
 
-    zero = dr.zeros(ad.Int, film.lanes)
-    state: Any = zero, zero, tuple(dr.zeros(color, film.lanes) for _ in range(count)), valid
-    totals = dr.while_loop(state, lambda *s: s[-1], sample, mode="symbolic", label="samples")[2]
+    zero, dark = dr.zeros(ad.Int, film.lanes), dr.zeros(color, film.lanes)
+    state: Any = zero, zero, (dark,) * count, valid
+    if film.single and not writes:
+        totals = of_sample(x, y, zero, zero)
+    else:
+        totals = dr.while_loop(state, lambda *s: s[-1], sample, mode="symbolic", label="samples")[2]
     inside = valid & (x >= 0) & (y >= 0) & (x < film.width) & (y < film.rows)
     images = []
     for total in totals:
