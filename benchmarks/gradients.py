@@ -177,9 +177,11 @@ class Derivative:
             across = (place + (lattice + 0.5) / len(LATTICES)) / (points // len(LATTICES))
             along = (place * np.sqrt(LATTICES)[lattice] / 2) % 1
             at = to_lanes(x + across), to_lanes(y + along)
-            dr.make_opaque(size, limits, at)
+            bright = ad.Bool(False)
+            dr.make_opaque(size, limits, at, bright)
             ahead, back = (
-                labelled_samples(*moved(sign * factor), size, limits, *at)[0] for sign in (1, -1)
+                labelled_samples(*moved(sign * factor), size, limits, *at, bright)[0]
+                for sign in (1, -1)
             )
             colors = np.stack([channel.numpy() for channel in (*ahead, *back)])
             change, seen = colors[:3] - colors[3:], np.ptp(colors[:3], 1)

@@ -23,6 +23,7 @@ from drjit.llvm import ad
 
 import whitted as wt
 from whitted.core.host import stacked, to_numpy
+from whitted.core.pytree import Apart
 from whitted.edges import kernels
 from whitted.sampling.band import Band
 from whitted.tracing.node import Limits
@@ -56,7 +57,7 @@ def band_of(scene: wt.Scene, side: int) -> Band:
         dr.opaque(ad.Float64, 0),
     )
     size = resolution(scene)
-    return Band(scene.structure, values, limits, size, 0, size[1], side)
+    return Band(scene.structure, Apart(values), limits, size, 0, size[1], side)
 
 
 def has_edge(scene: wt.Scene) -> np.ndarray:
@@ -80,7 +81,7 @@ def means(scene: wt.Scene, pixels: np.ndarray, points: int, seed: int) -> np.nda
     for start in range(0, len(pixels), most):
         row, column = np.divmod(pixels[start : start + most, None], band.resolution[0])
         place = band.lanes((column + right).ravel(), (row + down).ravel())
-        color, _ = kernels.labelled_samples(*band.inputs, *place)
+        color, _ = kernels.labelled_samples(*band.inputs, *place, dr.opaque(ad.Bool, False))
         seen = stacked(to_numpy(color), slice(row.size * points))
         result[start : start + len(row)] = seen.reshape(3, -1, points).mean(-1).T
     return result

@@ -10,7 +10,7 @@ from samples import camera, keys, light, material, plane, sphere
 import whitted as wt
 from whitted import gradient, load_scene, render
 from whitted.edges import refinement, search, settings
-from whitted.edges.paths import bright_light, dim_light
+from whitted.edges.paths import partial_light
 from whitted.edges.refinement import (
     crowd_side,
     crowds_everywhere,
@@ -87,7 +87,9 @@ def test_dim_and_bright_light_are_all_light():
     x, y = dr.meshgrid(dr.arange(real, 8) + 0.5, dr.arange(real, 8) + 0.5)
     ray = image_ray(frame, size, x, y)
     whole = radiance(there, ray, limits).numpy()
-    dim, bright = (of(there, ray, limits, real(0.05)).numpy() for of in (dim_light, bright_light))
+    dim, bright = (
+        partial_light(there, ray, limits, real(0.05), ad.Bool(dim)).numpy() for dim in (True, False)
+    )
     # Sums of at most 2^5 terms
     np.testing.assert_allclose(dim + bright, whole, rtol=32 * 2.0**-52)
     assert dim.max() > 0.001

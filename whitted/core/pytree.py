@@ -14,6 +14,14 @@ class _Array:
     """Stands for an array in a structure."""
 
 
+class Apart:
+    """A value that has been taken apart, to be given to many functions. They get the value."""
+
+    def __init__(self, value: Any) -> None:
+        self.arrays: list[Array] = []
+        self.structure = take_apart(value, self.arrays)
+
+
 def take_apart(value: Any, arrays: list[Array]) -> Hashable:
     """The structure of a value, whose arrays are appended to a list.
 
@@ -24,6 +32,9 @@ def take_apart(value: Any, arrays: list[Array]) -> Hashable:
     if dr.is_array_v(kind):
         arrays.append(value)
         return _Array
+    if kind is Apart:
+        arrays += value.arrays
+        return value.structure
     if kind is tuple:
         return kind, None, tuple([take_apart(part, arrays) for part in value])
     if kind is dict:

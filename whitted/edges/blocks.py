@@ -77,7 +77,8 @@ class Block:
         self.inner = self._inner()
         traced, self.number = self._traced()
         place = band.lanes(self.x.take(traced), self.y.take(traced))
-        self.color, self.label = kernels.bright_samples(*band.inputs, *place)
+        bright = dr.opaque(ad.Bool, True)
+        self.color, self.label = kernels.labelled_samples(*band.inputs, *place, bright)
         self.kept = np.ones(len(pixels), bool)
         self.pairs: tuple[np.ndarray, ...] = ()
 

@@ -11,6 +11,7 @@ from drjit.llvm import ad
 
 from ..core.arrays import Array, Parameters
 from ..core.host import chunks, stacked, to_array, to_lanes, to_numpy
+from ..core.pytree import Apart
 from ..sampling import kernels as film_kernels
 from ..sampling import points
 from ..sampling.band import Band, Inputs
@@ -28,7 +29,7 @@ from .tables import concatenated, deposit, rows_of
 TERMS = ("both", "interior", "boundary")
 # Edges, as NumPy arrays by the names of the fields of their paths and events
 Columns = dict[str, np.ndarray]
-FilmInputs = tuple[Structure, Parameters, Film, Limits, Parameters]
+FilmInputs = tuple[Structure, Apart, Film, Limits, Parameters]
 Part = TypeVar("Part", Path, Event)
 # Tangents of parameters, for each direction
 Directions = Sequence[Parameters]

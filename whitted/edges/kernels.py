@@ -23,7 +23,7 @@ from .between import Between, edge_between
 from .labels import labelled_radiance
 from .locate import Crossing, Segment, cross
 from .motion import Edge, level_jvp, level_vjp
-from .paths import bright_light, dim_light
+from .paths import partial_light
 from .representation import representation
 from .slopes import Line, Shot
 
@@ -59,20 +59,20 @@ def rows_of_samples(
     y: Array,
     step: Array,
     count: Array,
-    dim: bool,
+    dim: Array,
 ) -> Array:
-    """The sum of radiance along rows of samples: that of dim rays, or that of all others.
+    """The sum of radiance along rows of samples.
 
     Args:
         x, y: image position of the first sample of each row.
         step, count: the distance of the samples, and how many they are.
+        dim: Bool: of dim rays; else of all others.
     """
     scene, frame = prepare(structure, parameters, size)
-    light = dim_light if dim else bright_light
 
     def sample(k, total):
         ray = image_ray(frame, size, x + step * type(x)(k), y)
-        return k + 1, total + light(scene, ray, limits, _dim(limits))
+        return k + 1, total + partial_light(scene, ray, limits, _dim(limits), dim)
 
     state = dr.zeros(ad.UInt, dr.width(x)), dr.zeros(type(scene.background), dr.width(x))
     return dr.while_loop(state, lambda k, _: k < count, sample, mode="symbolic", label="row")[1]
@@ -80,21 +80,21 @@ def rows_of_samples(
 
 @frozen
 def labelled_samples(
-    structure: Structure, parameters: Parameters, size: Array, limits: Limits, x: Array, y: Array
+    structure: Structure,
+    parameters: Parameters,
+    size: Array,
+    limits: Limits,
+    x: Array,
+    y: Array,
+    bright: Array,
 ) -> tuple[Array, Array]:
-    """Radiance of samples at image positions, and their labels."""
-    scene, frame = prepare(structure, parameters, size)
-    color, label = labelled_radiance(scene, image_ray(frame, size, x, y), limits)
-    return in_lanes(x, color), in_lanes(x, label)
+    """Radiance of samples at image positions, and their labels.
 
-
-@frozen
-def bright_samples(
-    structure: Structure, parameters: Parameters, size: Array, limits: Limits, x: Array, y: Array
-) -> tuple[Array, Array]:
-    """Radiance of samples at image positions without that of dim rays, and their labels."""
+    Args:
+        bright: Bool: without that of dim rays.
+    """
     scene, frame = prepare(structure, parameters, size)
-    least = _dim(limits)
+    least = dr.select(bright, _dim(limits), 0)
     color, label = labelled_radiance(scene, image_ray(frame, size, x, y), limits, least)
     return in_lanes(x, color), in_lanes(x, label)
 

@@ -115,40 +115,29 @@ def bright_below(scene: Scene, root: Visit, limits: Limits, least: Array) -> Arr
     def step(node, light):
         # The straight code of the root comes first, and only once
         seen = known.pop() if known else visit(scene, node, limits)
-        return _with_light(scene, seen, light), seen.children, heavy(seen, least)
+        light = dr.fma(seen.node.weight, emitted(scene, seen.node.ray, seen.at), light)
+        return light, seen.children, heavy(seen, least)
 
     dark = dr.zeros(type(root.node.o), dr.width(root.node))
     return walk(scene, limits, root.node, dark, step, "bright_below", levels=1)
 
 
-def bright_light(scene: Scene, ray: Ray, limits: Limits, least: Array) -> Array:
-    """Radiance along rays, but for what comes from nodes that weigh too little."""
+def partial_light(scene: Scene, ray: Ray, limits: Limits, least: Array, dim: Array) -> Array:
+    """Radiance along rays that comes from some nodes.
+
+    Args:
+        dim: Bool: from those that weigh less than `least`; else from all others.
+    """
 
     def step(node, light):
         seen = visit(scene, node, limits)
-        return _with_light(scene, seen, light), seen.children, heavy(seen, least)
+        weight = dr.select(dim & (dr.abs(node.weight) >= least), 0, node.weight)
+        light = dr.fma(weight, emitted(scene, node.ray, seen.at), light)
+        onward = zip(seen.traced, heavy(seen, least), strict=True)
+        return light, seen.children, [dr.select(dim, every, some) for every, some in onward]
 
     dark = dr.zeros(type(ray.o), dr.width(ray))
-    return walk(scene, limits, Node.first(scene, ray), dark, step, "bright")
-
-
-def _with_light(scene: Scene, seen: Visit, light: Array) -> Array:
-    """The light of nodes so far, and that of one more."""
-    return dr.fma(seen.node.weight, emitted(scene, seen.node.ray, seen.at), light)
-
-
-def dim_light(scene: Scene, ray: Ray, limits: Limits, least: Array) -> Array:
-    """Radiance along rays that comes from nodes that weigh too little."""
-
-    def step(node, light):
-        seen = visit(scene, node, limits)
-        weight = dr.select(dr.abs(node.weight) < least, node.weight, 0)
-        light = dr.fma(weight, emitted(scene, node.ray, seen.at), light)
-        return light, seen.children, seen.traced
-
-    return walk(
-        scene, limits, Node.first(scene, ray), dr.zeros(type(ray.o), dr.width(ray)), step, "dim"
-    )
+    return walk(scene, limits, Node.first(scene, ray), dark, step, "partial_light")
 
 
 @dataclass

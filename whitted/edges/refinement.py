@@ -9,11 +9,9 @@ would cost more than it is worth. Such a pixel is the mean of many samples. For 
 `blocks.py`.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 
-import drjit as dr
 import numpy as np
-from drjit.llvm import ad
 
 from ..core.arrays import Array
 from ..core.host import chunks, stacked, to_numpy
@@ -61,35 +59,41 @@ def crowd_means(band: Band, pixels: np.ndarray) -> Callable[[], np.ndarray]:
     Returns:
         A function that waits for the pixels' radiance: (N, 3).
     """
-    traced = [(crowd_side(band.side, crowds_everywhere(band)), False)]
-    if band.structure.reflects:
-        traced.append((band.side, True))
-    rows = [(side, list(_rows(band, pixels, side, dim))) for side, dim in traced]
+    dense = crowd_side(band.side, crowds_everywhere(band))
+    # By the samples along a pixel's side, Bool: of dim rays
+    grids = [(dense, False), *([(band.side, True)] if band.structure.reflects else [])]
+    parts = list(chunks(len(pixels), settings.SAMPLES // dense**2))
+    traced = [_rows(band, pixels[part], grids) for part in parts]
 
     def finish() -> np.ndarray:
         result = np.zeros((len(pixels), 3), band.dtype)
-        for side, parts in rows:
-            sums = np.concatenate([stacked(to_numpy(v), slice(n)) for v, n in parts], 1)
-            result += sums.reshape(3, -1, side).sum(-1).T / side**2
+        for part, sums in zip(parts, traced, strict=True):
+            rows, stop = to_numpy(sums), 0
+            for side, _ in grids:
+                start, stop = stop, stop + len(result[part]) * side
+                own = stacked(rows, slice(start, stop))
+                result[part] += own.reshape(3, -1, side).sum(-1).T / side**2
         return result
 
     return finish
 
 
-def _rows(band: Band, pixels: np.ndarray, side: int, dim: bool) -> Iterator[tuple[Array, int]]:
-    """The sums of the rows of samples in pixels, and how many rows they are.
+def _rows(band: Band, pixels: np.ndarray, grids: Sequence[tuple[int, bool]]) -> Array:
+    """The sums of the rows of samples in pixels, on one grid after the other."""
+    columns = [
+        np.concatenate(column)
+        for column in zip(*(_rows_of(band, pixels, *grid) for grid in grids), strict=True)
+    ]
+    return kernels.rows_of_samples(*band.inputs, *band.lanes(*columns))
 
-    Args:
-        dim: of the light of dim rays, not of all others.
-    """
+
+def _rows_of(band: Band, pixels: np.ndarray, side: int, dim: bool) -> tuple[np.ndarray, ...]:
+    """The first samples of rows, the samples' distance and number, and whether of dim rays."""
     columns, first = band.resolution[0], (np.arange(side) + 0.5) / side
-    step, count = dr.opaque(band.structure.precision.real, 1 / side), dr.opaque(ad.UInt, side)
-    for part in chunks(len(pixels), settings.SAMPLES // side**2):
-        own = pixels[part]
-        x = np.repeat(own % columns + first[0], side)
-        y = (own // columns + band.first_row + first[:, None]).T.ravel()
-        place = band.lanes(x, y)
-        yield kernels.rows_of_samples(*band.inputs, *place, step, count, dim), len(x)
+    x = np.repeat(pixels % columns + first[0], side)
+    y = (pixels // columns + band.first_row + first[:, None]).T.ravel()
+    step, count = np.full(len(x), 1 / side), np.full(len(x), side, np.uint32)
+    return x, y, step, count, np.full(len(x), dim)
 
 
 def pixels_to_refine(

@@ -3,7 +3,9 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
+import drjit as dr
 import numpy as np
+from drjit.llvm import ad
 
 from ..core.arrays import Array
 from ..core.host import chunks, stacked, to_numpy
@@ -168,7 +170,8 @@ class _Search:
         x, y = fine.x[places], fine.y[places]
         parts = chunks(len(x), settings.SAMPLES)
         lanes = (self.band.lanes(x[part], y[part]) for part in parts)
-        return fine, places, [kernels.labelled_samples(*self.band.inputs, *at) for at in lanes]
+        inputs, bright = self.band.inputs, dr.opaque(ad.Bool, False)
+        return fine, places, [kernels.labelled_samples(*inputs, *at, bright) for at in lanes]
 
     def refine(
         self, fine: Samples, places: np.ndarray, traced: list[tuple[Array, Array]]
@@ -244,7 +247,7 @@ class _Search:
         band = self.band
         x, y = regular_samples(pixels, band.side, band.resolution[0], band.first_row)
         place = band.lanes(x.ravel(), y.ravel())
-        color, _ = kernels.labelled_samples(*band.inputs, *place)
+        color, _ = kernels.labelled_samples(*band.inputs, *place, dr.opaque(ad.Bool, False))
         seen = stacked(to_numpy(color), slice(x.size)).reshape(3, *x.shape)
         return seen.min(1), seen.max(1)
 

@@ -9,6 +9,7 @@ from drjit.llvm import ad
 
 from ..core.arrays import Array, Parameters
 from ..core.host import opaque_copy, to_lanes
+from ..core.pytree import Apart
 from ..edges.found import Found
 from ..edges.search import correct
 from ..edges.settings import LEAST_WEIGHT
@@ -80,10 +81,8 @@ class Job:
             self.progress((row - start) / count)
 
     def band(self, first: int, rows: int) -> Band:
-        structure = self.scene.structure
-        return Band(
-            structure, self.parameters, self.limits, self.resolution, first, rows, self.side
-        )
+        inputs = self.scene.structure, Apart(self.parameters), self.limits
+        return Band(*inputs, self.resolution, first, rows, self.side)
 
     def image(self) -> Array:
         return self._assemble(lambda *rows: [kernels.image(*self._inputs(*rows))])[0]
@@ -116,7 +115,7 @@ class Job:
     def _adjoint(self, first: int, rows: int, wrt: Parameters, part: Array) -> Parameters:
         return kernels.image_vjp(*self._inputs(first, rows), wrt, part)
 
-    def _inputs(self, first: int, rows: int) -> tuple[Structure, Parameters, Film, Limits]:
+    def _inputs(self, first: int, rows: int) -> tuple[Structure, Apart, Film, Limits]:
         band = self.band(first, rows)
         return band.structure, band.parameters, band.inner, band.limits
 

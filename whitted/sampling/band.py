@@ -8,12 +8,13 @@ import numpy as np
 
 from ..core.arrays import Array
 from ..core.host import to_lanes
+from ..core.pytree import Apart
 from ..scene.structure import Structure
 from ..tracing.node import Limits
 from .film import Film, film_of
 
 # Inputs of a kernel at points
-Inputs = tuple[Structure, dict[str, Array], Array, Limits]
+Inputs = tuple[Structure, Apart, Array, Limits]
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class Band:
     """Some rows of an image."""
 
     structure: Structure
-    parameters: dict[str, Array]
+    parameters: Apart  # name to array
     limits: Limits
     resolution: tuple[int, int]  # of the whole image
     first_row: int
