@@ -94,12 +94,25 @@ PROBLEMS = {
 }
 
 
-def minimum(problem, iterations=500):
-    """Where the method ends, and why."""
+def search_for(problem):
     n = len(problem.start)
     labels = [f"x{k}" for k in range(n)]
-    search = Search(*map(np.array, problem.bounds), np.ones(n), 1e-10, labels, lambda step: None)
+    return Search(*map(np.array, problem.bounds), np.ones(n), 1e-10, labels, lambda step: None)
+
+
+def minimum(problem, iterations=500):
+    """Where the method ends, and why."""
+    search = search_for(problem)
     return levenberg_marquardt(search, problem, np.array(problem.start, float), iterations, 0)
+
+
+def test_a_try_ends_with_the_budget():
+    problem = PROBLEMS["valley"]
+    search = search_for(problem)
+    search.deadline = -np.inf
+    x, stopped = levenberg_marquardt(search, problem, np.array(problem.start, float), 500, 0)
+    assert stopped == "budget used up"
+    assert tuple(x) == problem.start
 
 
 def expected(problem):

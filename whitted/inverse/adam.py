@@ -10,7 +10,7 @@ import numpy as np
 from drjit.opt import Adam
 
 from .loss import Objective, arrays, numbers_in
-from .search import NO_SLOPE, Search
+from .search import LATE, NO_SLOPE, Search
 
 # The first step at the finest resolution, in units of each number's scale, and the last step in
 # units of the first
@@ -50,6 +50,8 @@ def adam(
             best = loss, x
         if k - before > PATIENCE:
             return best[1], "converged: the loss falls no further"
+        if search.late:
+            return best[1], LATE
         if k == iterations:
             break
         optimiser.step()

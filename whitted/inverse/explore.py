@@ -69,12 +69,14 @@ class Explorer:
         best, idle = End(self.objective.loss(x), x, stopped), 0
         explained = assess(self.objective, x).explained
         patience = PATIENCE if self.objective.robust else 0
+        self.search.deadline = end
         while time.monotonic() < end and not (explained and idle >= patience):
             better = self._round(best, end)
             idle += 1
             if better is not None:
                 best, idle = better, 0
                 explained = assess(self.objective, best.x).explained
+        self.search.deadline = math.inf
         # The history goes on from the best, not from the last try
         self.search.record(self.objective, best.loss, best.x)
         if not explained and self.level == 0:

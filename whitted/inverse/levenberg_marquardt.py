@@ -6,7 +6,7 @@ Source: D. Marquardt, "An Algorithm for Least-Squares Estimation of Nonlinear Pa
 import numpy as np
 
 from .loss import Objective
-from .search import NO_SLOPE, Search
+from .search import LATE, NO_SLOPE, Search
 
 # The first damping. It falls by FALL after a good step and grows by GROWTH after a bad one, and
 # stays between LEAST and MOST
@@ -37,6 +37,8 @@ def levenberg_marquardt(
     for _ in range(iterations):
         if not curvature.any():
             return x, NO_SLOPE
+        if search.late:
+            return x, LATE
         taken = False
         while not taken and damping < MOST:
             after = search.bounded(x + _step(search, x, slope, curvature, damping))

@@ -1,6 +1,7 @@
 """What all iterations of a fit share: bounds, scales, and what happened so far."""
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -9,6 +10,7 @@ import numpy as np
 from .convergence import Iteration
 from .loss import Objective
 
+LATE = "budget used up"
 NO_SLOPE = (
     "the pictures do not change with any of the parameters here; "
     "start elsewhere, or from several starts"
@@ -29,10 +31,15 @@ class Search:
     notes: list[str] = field(default_factory=list)
     steps: int = 0  # taken so far
     attempt: int = 0  # the number of further tries
+    deadline: float = math.inf  # of such a try, on the clock of `time.monotonic`
 
     def __post_init__(self) -> None:
         # Bool for each number: some slope by it was not 0
         self.has_slope = np.zeros(len(self.labels), bool)
+
+    @property
+    def late(self) -> bool:
+        return time.monotonic() > self.deadline
 
     def record(self, objective: Objective, loss: float, x: np.ndarray, *slopes: np.ndarray) -> None:
         """Keep the numbers that a step has led to, or those where the steps of a fit start.
