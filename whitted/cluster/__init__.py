@@ -6,11 +6,13 @@
     engine.py               a few tasks at a time to the scheduler; three tries; here without one
         |  work.py: pickled once, opened once in each process
         v
-    a task on a worker      a function of a module; it writes its chunk, or returns numbers
+    a task on a worker      a function of a module (bands.py, pictures.py, trials.py); it writes its
+                            chunk (store.py, pyramid.py), or returns pixels or numbers
 
 `client=None` does the same on this machine, and does not import Dask.
 """
 
 from .dataset import SweepResult, sweep
+from .picture import render
 
-__all__ = ["SweepResult", "sweep"]
+__all__ = ["SweepResult", "render", "sweep"]
