@@ -25,6 +25,25 @@ def ball(precision="single"):
     )
 
 
+def matte():
+    """A red ball, lit from the side, before a plain background."""
+    return wt.Scene(
+        camera=wt.Camera(position=(0, 0, 4), look_at=(0, 0, 0), fov=50, resolution=(32, 24)),
+        spheres=[
+            wt.Sphere(
+                "ball",
+                center=(0, 0, 0),
+                radius=0.5,
+                material=wt.Material("red", color=(0.8, 0.3, 0.1)),
+            )
+        ],
+        lights=[wt.PointLight("key", position=(3, 2, 3), intensity=(1, 1, 1))],
+        background=(0.1, 0.2, 0.3),
+        ambient=(0.4, 0.4, 0.4),
+        max_depth=1,
+    )
+
+
 def contents(folder):
     """The bytes of all files of a folder, by their names."""
     files = (path for path in folder.rglob("*") if path.is_file())

@@ -14,5 +14,6 @@
 
 from .dataset import SweepResult, sweep
 from .picture import render
+from .starts import fit
 
-__all__ = ["SweepResult", "render", "sweep"]
+__all__ = ["SweepResult", "fit", "render", "sweep"]
