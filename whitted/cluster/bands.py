@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ..core.interrupts import held
 from ..rendering.samples import render_samples
 from ..scene.scene import Scene
 from .pyramid import write_band
@@ -57,5 +58,6 @@ def render_band(picture: Picture, task: int) -> np.ndarray | None:
     ).numpy()
     if picture.store is None:
         return pixels
-    write_band(picture.store, first, pixels)
+    # Ctrl-C within zarr would leave tasks of its own behind
+    held(write_band, picture.store, first, pixels)
     return None

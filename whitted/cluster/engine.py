@@ -9,6 +9,7 @@ import secrets
 import time
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
+from itertools import islice
 from typing import Any
 
 from .work import (
@@ -28,6 +29,8 @@ from .work import (
 AHEAD = 3
 # Seconds after which the threads of all workers are counted again
 RECOUNT = 2.0
+# Results that are fetched at once, at most; a band of a picture has some MiB
+TOGETHER = 16
 GONE = "the scheduler has gone; what is done is kept"
 
 
@@ -85,61 +88,70 @@ class _Run:
 
     def outcomes(self) -> Iterator[Outcome]:
         # One worker of each machine compiles the kernels; the others then find them on its disk
-        for worker in self._one_worker_of_each_machine():
-            self._submit_next([worker])
-        if not self.running:
-            self._submit_next()
+        machines = self._one_worker_of_each_machine()
+        for worker in machines:
+            self._submit_next(1, [worker])
+        if not machines:
+            self._submit_next(1)
         compiling = len(self.running)
-        for future in self.completed:
-            outcome = self._outcome(future)
-            if outcome is not None:
-                compiling -= 1
-                yield outcome
-            while compiling <= 0 and len(self.running) < self._room() and self._submit_next():
-                pass
+        for ended in self.completed.batches():
+            for first in range(0, len(ended), TOGETHER):
+                for outcome in self._outcomes(ended[first : first + TOGETHER]):
+                    compiling -= 1
+                    yield outcome
+            if compiling <= 0:
+                self._submit_next(self._room() - len(self.running))
 
-    def _submit_next(self, workers: list[str] | None = None) -> bool:
-        """Submit the next task, if there is one."""
-        for task in self.tasks:
-            self._submit(task, workers)
-            return True
-        return False
+    def _submit_next(self, count: int, workers: list[str] | None = None) -> None:
+        """Submit the next tasks, as far as there are some."""
+        self._submit(list(islice(self.tasks, max(0, count))), workers)
 
-    def _submit(self, task: Any, workers: list[str] | None = None) -> None:
-        self.submitted += 1
-        future = self.client.submit(
+    def _submit(self, tasks: list[Any], workers: list[str] | None = None) -> None:
+        if not tasks:
+            return
+        first, self.submitted = self.submitted, self.submitted + len(tasks)
+        # Each goes alone to a worker; they come to the scheduler together
+        futures = self.client.map(
             perform,
-            self.function,
-            self.packed,
-            task,
-            key=f"{self.name}-{self.submitted}",
+            tasks,
+            key=[f"{self.name}-{number}" for number in range(first, self.submitted)],
             workers=workers,
             allow_other_workers=bool(workers),
+            function=self.function,
+            packed=self.packed,
         )
-        self.running[future] = task
-        self.completed.add(future)
+        self.running.update(zip(futures, tasks, strict=True))
+        self.completed.update(futures)
 
-    def _outcome(self, future: Any) -> Outcome | None:
-        """How a task has ended; None if it is tried again."""
+    def _outcomes(self, futures: list[Any]) -> Iterator[Outcome]:
+        """How tasks have ended, without those that are tried again."""
+        good = [future for future in futures if future.status == "finished"]
+        values = iter(self.client.gather(good))
+        for future in futures:
+            task = self.running.pop(future)
+            if future in good:
+                yield Outcome(task, next(values))
+            elif future.status == "error":
+                yield from self._failed(task, future.exception())
+            else:
+                raise ConnectionError(GONE)
+
+    def _failed(self, task: Any, error: BaseException) -> Iterator[Outcome]:
+        """How a task has ended that has failed; nothing if it is tried again."""
         from distributed import KilledWorker
 
-        task = self.running.pop(future)
-        if future.status == "finished":
-            return Outcome(task, future.result())
-        if future.status != "error":
-            raise ConnectionError(GONE)
-        error = future.exception()
         if stops(error):
             raise error
         if isinstance(error, KilledWorker):
             # Dask has tried it several times
             died = "each worker that ran it has died, perhaps for want of memory"
-            return Outcome(task, error=died)
+            yield Outcome(task, error=died)
+            return
         self.failures[task] += 1
         if self.failures[task] < ATTEMPTS:
-            self._submit(task)
-            return None
-        return Outcome(task, error=told(error))
+            self._submit([task])
+        else:
+            yield Outcome(task, error=told(error))
 
     def _room(self) -> int:
         """How many tasks may be with the scheduler."""

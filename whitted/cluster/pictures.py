@@ -6,6 +6,7 @@ from pathlib import Path
 import drjit as dr
 import numpy as np
 
+from ..core.interrupts import held
 from ..rendering.samples import render_samples
 from ..scene.scene import Scene
 from . import store
@@ -46,7 +47,8 @@ def render_pictures(sweep: Sweep, task: int) -> list[tuple[int, str]]:
             images[k], slopes[k] = with_derivatives(scene, plan)
         else:
             images[k] = render_samples(scene, **plan.options).numpy()
-    store.write(sweep.path, plan, task, blocks, bool(refused))
+    # Ctrl-C within zarr would leave tasks of its own behind
+    held(store.write, sweep.path, plan, task, blocks, bool(refused))
     return refused
 
 

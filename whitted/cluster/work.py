@@ -54,7 +54,7 @@ class Outcome:
     error: str | None = None  # why it failed, if it did
 
 
-def perform(function: Function, packed: Packed, task: Any) -> Any:
+def perform(task: Any, function: Function, packed: Packed) -> Any:
     """Do a task."""
     return function(packed.open(), task)
 
@@ -87,7 +87,7 @@ def at_the_third_attempt(function: Function, packed: Packed, task: Any) -> Outco
     error: Exception | None = None
     for _ in range(ATTEMPTS):
         try:
-            return Outcome(task, perform(function, packed, task))
+            return Outcome(task, perform(task, function, packed))
         except Exception as caught:
             if stops(caught):
                 raise
