@@ -4,8 +4,10 @@
     .venv/bin/python benchmarks/cluster.py chunks       how fast chunks are written to a store
     .venv/bin/python benchmarks/cluster.py pictures     pictures of 128 x 128: here, one worker with
                                                         all threads, workers of one thread each
+    .venv/bin/python benchmarks/cluster.py overhead     the same pictures by one thread here, and by
+                                                        one worker of one thread, in turns
 
-About 10 s, 10 s and two minutes on two cores. `docs/cluster.md` has the figures, and what follows
+About 10 s, 10 s, two minutes and one minute on two cores. `docs/cluster.md` has the figures, and what follows
 from them for a thousand workers.
 """
 
@@ -18,6 +20,8 @@ import tempfile
 import time
 from pathlib import Path
 
+import drjit as dr
+
 import whitted as wt
 from whitted import cluster
 from whitted.cluster import store
@@ -27,7 +31,7 @@ from whitted.cluster.engine import outcomes
 
 CORES = os.cpu_count() or 1
 # Tasks that do nothing, chunks that are written, and pictures that are rendered
-TASKS, CHUNKS, PICTURES = 2000, 200, 512
+TASKS, CHUNKS, PICTURES = 1000, 200, 512
 ROUNDS = 3
 VARY = {"materials.glass.ior": (1.3, 1.8), "spheres.ball.center.x": (-0.2, 0.2)}
 
@@ -68,11 +72,11 @@ def chunks() -> None:
 
 def pictures() -> None:
     """The time of a picture of 128 x 128 with edges: here, and on workers."""
-    here = seconds_of(None, None)
+    here = seconds_of(None)
     print(f"here, {CORES} threads: {1e3 * here:.2f} ms a picture")
     for workers in (1, CORES):
         with connected(None, workers) as client:
-            seconds = seconds_of(client, workers)
+            seconds = seconds_of(client)
         threads = CORES // workers
         print(
             f"{workers} workers of {threads} threads: {1e3 * seconds:.2f} ms a picture, "
@@ -80,11 +84,29 @@ def pictures() -> None:
         )
 
 
-def seconds_of(client: object, workers: int | None) -> float:
+def overhead() -> None:
+    """What a worker of one thread takes beside what one thread here takes, in turns."""
+    from distributed import Client, LocalCluster
+
+    dr.set_thread_count(1)
+    alone: list[float] = []
+    worker: list[float] = []
+    about = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0"}
+    with LocalCluster(**about) as local, Client(local) as client:
+        for _ in range(ROUNDS):
+            alone.append(seconds_of(None))
+            worker.append(seconds_of(client))
+    dr.set_thread_count(CORES)
+    here, there = min(alone), min(worker)
+    print(f"one thread here: {1e3 * here:.2f} ms a picture")
+    print(f"one worker of one thread: {1e3 * there:.2f} ms, {100 * (there / here - 1):+.1f} %")
+
+
+def seconds_of(client: object) -> float:
     """The time of a picture, when all kernels are there."""
     scene, folder, rounds = wt.load_scene("cornell"), Path(tempfile.mkdtemp()), []
     try:
-        for k in range(ROUNDS + 1):
+        for k in range(2):
             start = time.perf_counter()
             path = folder / f"{k}.zarr"
             cluster.sweep(scene, VARY, path, client, count=PICTURES, resolution=(128, 128))
@@ -96,6 +118,6 @@ def seconds_of(client: object, workers: int | None) -> float:
 
 
 if __name__ == "__main__":
-    names = sys.argv[1:] or ["tasks", "chunks", "pictures"]
+    names = sys.argv[1:] or ["tasks", "chunks", "pictures", "overhead"]
     for name in names:
-        {"tasks": tasks, "chunks": chunks, "pictures": pictures}[name]()
+        {"tasks": tasks, "chunks": chunks, "pictures": pictures, "overhead": overhead}[name]()
