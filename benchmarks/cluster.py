@@ -7,8 +7,8 @@
     .venv/bin/python benchmarks/cluster.py overhead     the same pictures by one thread here, and by
                                                         one worker of one thread, in turns
 
-About 10 s, 10 s, two minutes and one minute on two cores. `docs/cluster.md` has the figures, and what follows
-from them for a thousand workers.
+About 10 s, 10 s, two minutes and one minute on two cores. `docs/cluster.md` has the figures, and
+what follows from them for a thousand workers.
 """
 
 import operator

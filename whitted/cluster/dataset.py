@@ -17,6 +17,7 @@ from .libraries import require
 from .numbers import numbers_named
 from .pictures import Sweep, render_pictures
 from .plan import Plan, batch_of, check_tasks, is_whole, samples_of
+from .work import stops
 
 
 @dataclass(frozen=True)
@@ -140,8 +141,14 @@ def carry_out(
     """Render what a sweep lacks; its arguments, its result and its errors."""
     path, plan = sweep.path, sweep.plan
     done = _opened(path, plan, resume)
-    with reporting(progress, "rendering") as report:
-        failed, rendered = _run(client, sweep, done, report or (lambda fraction: None))
+    try:
+        with reporting(progress, "rendering") as report:
+            failed, rendered = _run(client, sweep, done, report or (lambda fraction: None))
+    except OSError as error:
+        if not stops(error):
+            raise
+        told = f"{error.strerror}; what is done is kept, and resume goes on"
+        raise OSError(error.errno, told, str(path)) from error
     store.record_failures(path, failed)
     return SweepResult(path, plan.count, plan.tasks, rendered, failed)
 
