@@ -7,7 +7,7 @@
     .venv/bin/python benchmarks/cluster.py overhead     the same pictures by one thread here, and by
                                                         one worker of one thread, in turns
 
-About 10 s, 10 s, two minutes and one minute on two cores. `docs/cluster.md` has the figures, and
+About 15 s, 10 s, two minutes and two minutes on two cores. `docs/cluster.md` has the figures, and
 what follows from them for a thousand workers.
 """
 
@@ -31,7 +31,7 @@ from whitted.cluster.engine import outcomes
 
 CORES = os.cpu_count() or 1
 # Tasks that do nothing, chunks that are written, and pictures that are rendered
-TASKS, CHUNKS, PICTURES = 1000, 200, 512
+TASKS, CHUNKS, PICTURES = 1000, 200, 1024
 ROUNDS = 3
 VARY = {"materials.glass.ior": (1.3, 1.8), "spheres.ball.center.x": (-0.2, 0.2)}
 
@@ -93,7 +93,7 @@ def overhead() -> None:
     worker: list[float] = []
     about = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0"}
     with LocalCluster(**about) as local, Client(local) as client:
-        for _ in range(ROUNDS):
+        for _ in range(2):
             alone.append(seconds_of(None))
             worker.append(seconds_of(client))
     dr.set_thread_count(CORES)

@@ -14,11 +14,12 @@ from ..scene.scene import Scene
 from .numbers import Number, check_values, numbers_named
 from .samplers import SAMPLERS, Axis, Samples, sides
 
-# Samples of the pictures of a task: at least so many, if there are as many. They take more than
-# 50 ms; what a task costs beside its pictures is 2 to 3 ms
-LEAST = 1 << 18
+# Samples of the pictures of a task: at least so many, if there are as many. They take some tenths of
+# a second; what a task costs beside its pictures is 10 to 20 ms, most of it for its chunk
+# (`benchmarks/cluster.py overhead`)
+LEAST = 3 << 19
 # And at most so many, so that a task ends soon, and its pictures fit in memory
-MOST = 1 << 20
+MOST = 1 << 22
 # However small, a picture takes as long as so many samples, and so does each derivative
 OVERHEAD = 1 << 13
 # Tasks that a sweep is cut into where pictures are few, so that all workers have some
