@@ -436,7 +436,7 @@ REFUSED = [
     ({"vary": {IOR: (1.5, 1.2)}}, f"{IOR}: the lowest, 1.5, is above the highest, 1.2"),
     ({"vary": {IOR: (1, float("inf"))}}, f"{IOR}: expected a number > 0, got inf"),
     ({"vary": {"materials.glass.reflection": [0.5, 2]}}, "materials.glass.reflection: expected a"),
-    ({"vary": {IOR: "high"}}, "could not convert"),
+    ({"vary": {IOR: "high"}}, f"{IOR}: expected (low, high) or a list of numbers, got 'high'"),
     ({"vary": {IOR: [[1, 2]]}}, f"{IOR}: expected (low, high) or a list of numbers, got [[1, 2]]"),
     ({"vary": {}}, "vary: expected a dictionary such as {'materials.glass.ior': (1.3, 1.8)}, got"),
     ({"vary": [IOR]}, "vary: expected a dictionary"),

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import metadata
@@ -53,8 +54,11 @@ def _client(scheduler: str) -> Iterator[Any]:
         # What answers may be no scheduler, and say anything
         raise ValueError(f"{refused}; {remedy}") from error
     with client:
-        # A queue may still have to start them
-        client.wait_for_workers(1)
+        if not client.nthreads():
+            # A queue may still have to start them
+            told = f"waiting for workers; start some with: dask worker {scheduler}"
+            print(told, file=sys.stderr, flush=True)
+            client.wait_for_workers(1)
         yield client
 
 

@@ -7,6 +7,7 @@ makes it anew where all workers that had it have died.
 
 import secrets
 import time
+import warnings
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
 from itertools import islice
@@ -78,8 +79,10 @@ class _Run:
 
         self.client, self.function, self.tasks = client, function, tasks
         self.name = f"{function.__name__}-{secrets.token_hex(4)}"
-        # Few are so large that Dask warns of it, and then once
-        self.packed = client.submit(same, packed, key=f"shared-{self.name}")
+        with warnings.catch_warnings():
+            # A scene of many spheres is large, and is sent once
+            warnings.filterwarnings("ignore", "Sending large graph")
+            self.packed = client.submit(same, packed, key=f"shared-{self.name}")
         self.running: dict[Any, Any] = {}  # tasks by their futures
         self.failures: Counter[Any] = Counter()
         self.submitted = 0

@@ -14,9 +14,8 @@ from ..scene.scene import Scene
 from .numbers import Number, check_values, numbers_named
 from .samplers import SAMPLERS, Axis, Samples, sides
 
-# Samples of the pictures of a task: at least so many, if there are as many. They take some tenths of
-# a second; what a task costs beside its pictures is 10 to 20 ms, most of it for its chunk
-# (`benchmarks/cluster.py overhead`)
+# Samples of the pictures of a task: at least so many, if there are as many. That is half a second.
+# A task costs 10 to 20 ms beside its pictures, most of it for its chunk (benchmarks/cluster.py)
 LEAST = 3 << 19
 # And at most so many, so that a task ends soon, and its pictures fit in memory
 MOST = 1 << 22
@@ -161,18 +160,20 @@ def _axis(scene: Scene, number: Number, given: Any, count: int | None, seed: int
         if count is None:
             raise ValueError(f"count: say how many values of {number.label} are to be drawn")
         given = list(given(np.random.default_rng(seed), count))
-    if isinstance(given, tuple) and len(given) == 2:
-        low, high = map(float, given)
-        check_values(scene, number, (low, high))
-        if low > high:
-            raise ValueError(f"{number.label}: the lowest, {low:g}, is above the highest, {high:g}")
-        return Axis(number.label, low, high)
-    values = np.asarray(given, np.float64)
+    try:
+        values = np.asarray(given, np.float64)
+    except (TypeError, ValueError):
+        values = np.zeros((0, 0))
     if values.ndim != 1 or not values.size:
         raise ValueError(
             f"{number.label}: expected (low, high) or a list of numbers, got {given!r}"
         )
     check_values(scene, number, values)
+    if isinstance(given, tuple) and len(given) == 2:
+        low, high = values.tolist()
+        if low > high:
+            raise ValueError(f"{number.label}: the lowest, {low:g}, is above the highest, {high:g}")
+        return Axis(number.label, low, high)
     return Axis(number.label, values=tuple(values.tolist()))
 
 
