@@ -18,7 +18,7 @@ from whitted import cluster
 IOR, CENTER = "materials.glass.ior", "spheres.ball.center"
 RANGES = {IOR: (1.3, 1.8), f"{CENTER}.x": (-0.1, 0.4), f"{CENTER}.z": (0.2, 0.6)}
 # Pictures to learn from, hidden numbers, passes over the pictures, pictures in a step
-PICTURES, HIDDEN, PASSES, STEP = 1024, 64, 40, 32
+PICTURES, HIDDEN, PASSES, STEP = 512, 64, 60, 32
 # The network looks at pictures of so many pixels along a side
 SIDE = 16
 
