@@ -552,7 +552,7 @@ def test_workers_without_the_package_are_named(client, monkeypatch, tmp_path):
     [
         ("zarr", "a Zarr store needs zarr: pip install 'whitted[cluster]' on Python 3.11 or newer"),
         ("scipy.stats.qmc", "a Sobol sequence needs scipy: pip install 'whitted[cluster]'"),
-        ("distributed", "workers needs distributed: pip install 'whitted[cluster]'"),
+        ("distributed", "a cluster needs distributed: pip install 'whitted[cluster]'"),
     ],
 )
 def test_missing_libraries_are_named(tmp_path, monkeypatch, module, message):

@@ -4,7 +4,7 @@ import importlib
 from typing import Any
 
 WHAT = {
-    "distributed": "workers",
+    "distributed": "a cluster",
     "zarr": "a Zarr store",
     "scipy.stats.qmc": "a Sobol sequence",
 }
