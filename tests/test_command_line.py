@@ -153,6 +153,12 @@ REFUSED = {
     "chart cornell -o none/out": 1,
     "stress no-such-case -o out": 1,
     "stress -o none/out": 1,
+    "sweep cornell --vary camera.fov=40:50 -o a.zarr": 1,
+    "sweep cornell --vary camera.fov=40:500 --count 2 -o a.zarr": 1,
+    "sweep cornell --vary camera.fog=40:50 --count 2 -o a.zarr": 1,
+    "sweep cornell --vary camera.fov=40:50 --count 2 -o none/a.zarr": 1,
+    "sweep bad.toml --vary camera.fov=40:50 --count 2 -o a.zarr": 3,
+    "render cornell -o a.zarr -o a.exr": 1,
     "draw cornell": 1,
 }
 

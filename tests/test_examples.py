@@ -47,7 +47,15 @@ def run(monkeypatch, tmp_path, capsys):
 
 def test_all_examples_are_tested():
     scripts = {path.stem for path in EXAMPLES.glob("*.py")}
-    others = {"common", "with_torch", "mitsuba_target", "mitsuba_position", "beads", "flake"}
+    others = {
+        "common",
+        "with_torch",
+        "mitsuba_target",
+        "mitsuba_position",
+        "beads",
+        "flake",
+        "guess",
+    }
     assert scripts == {*ALLOWED, *others}
 
 
@@ -56,6 +64,20 @@ def test_beads_come_closer(run):
     start, end = map(float, re.findall(r"(?:start|end) ([\d.]+)", run("beads", 40)))
     # A pixel is 1.2 radii wide here. With pixels of half a radius, a tenth of the way is left
     assert end < 0.9 * start
+
+
+@pytest.mark.slow
+def test_a_guess_is_refined(run):
+    """A network's guess is off by a few percent of the ranges; a fit ends at the truth."""
+    pytest.importorskip("zarr", reason="needs zarr 3: pip install 'whitted[cluster]'")
+    text = run("guess", 32)
+    rows = re.findall(r"^(\S+) +(-?[\d.]+) +(-?[\d.]+) +(-?[\d.]+)$", text, re.M)
+    assert len(rows) == 4
+    for label, true, guess, found in rows:
+        # A quarter of a range, whose middle a network that knows nothing would guess
+        assert abs(float(guess) - float(true)) < 0.12
+        assert abs(float(found) - float(true)) < ALLOWED["glass_ball"][1] * 2, label
+    assert "explained" in text
 
 
 def test_flake_has_ten_balls_for_each(run, tmp_path):

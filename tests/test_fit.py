@@ -13,7 +13,7 @@ import pytest
 from drjit.llvm import ad
 
 import whitted as wt
-from whitted.inverse import fit as fit_module
+from whitted.inverse import problem
 from whitted.inverse.bounds import bounds_of, scales_of
 from whitted.inverse.coarse_to_fine import chosen
 from whitted.inverse.convergence import Iteration
@@ -463,7 +463,7 @@ def test_a_number_that_ceases_to_be_finite_is_named(ball, target, monkeypatch):
     monkeypatch.setattr(
         Objective, "normal_equations", lambda self, x: (1.0, np.zeros(3), np.eye(3))
     )
-    monkeypatch.setattr(fit_module, "start_of", lambda scene, name: np.array([0.0, np.nan, 0.0]))
+    monkeypatch.setattr(problem, "start_of", lambda scene, name: np.array([0.0, np.nan, 0.0]))
     with pytest.raises(ValueError, match=r"spheres\.ball\.center\.y became nan in iteration 0"):
         wt.fit(start, target, wrt=WRT)
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from typer.exceptions import TyperException
 
-from .commands import chart, fit, gradient, info, params, render, stress, view
+from .commands import chart, fit, gradient, info, params, render, stress, sweep, view
 from .commands.once import OnceCommand
 
 app = typer.Typer(
@@ -24,8 +24,10 @@ OPTIONS = {
     "max_depth": "--depth",
     "name": "--wrt",
     "resolution": "--size",
+    "derivatives": "--wrt",
     **{name: f"--{name}" for name in ("component", "error", "iterations", "mask", "seed", "spp")},
     **{name: f"--{name}" for name in ("budget", "robust", "starts", "terms", "wrt")},
+    **{name: f"--{name}" for name in ("batch", "count", "sampler", "scheduler", "vary", "workers")},
 }
 
 
@@ -54,6 +56,7 @@ for module, command in (
     (gradient, gradient.gradient),
     (params, params.params),
     (fit, fit.fit),
+    (sweep, sweep.sweep),
     (view, view.view),
     (chart, chart.chart),
     (stress, stress.stress),

@@ -9,13 +9,15 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from ..core.interrupts import forget, holding, insist
+from ..core.interrupts import forget, holding, insist, interruptible
 from .options import Depth, Folder, PrecisionName, SceneFile, Size, Spp, size_of
+from .workers import Scheduler, Workers
 
 EXAMPLES = (
     "Examples:  whitted fit start.toml target.exr --wrt materials.glass.ior --starts 4 -o out   |"
     "   whitted fit start.toml target.exr --wrt spheres.ball.radius --wrt lights.key.position "
-    "--bound spheres.ball.radius=0.1:1 -o out"
+    "--bound spheres.ball.radius=0.1:1 -o out   |   "
+    "whitted fit start.toml target.exr --wrt spheres.ball.center --starts 1000 --workers 2 -o out"
 )
 
 Target = Annotated[Path, typer.Argument(help="The picture to match, .exr (linear) or .png (sRGB).")]
@@ -87,12 +89,14 @@ def fit(
     size: Size = None,
     precision: PrecisionName = "single",
     no_boundary: PlainDerivatives = False,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
 ) -> int:
     """Recover parameters of a scene from a picture of it.
 
     Writes the recovered scene, pictures and plots. The exit status is 3 if what was found does not
-    explain the picture. After Ctrl-C the files are those of the best so far, and the exit status is
-    130; a second Ctrl-C ends it.
+    explain the picture. Workers try all starts, and the best four go on. After Ctrl-C the files are
+    those of the best so far, and the exit status is 130; a second Ctrl-C ends it.
     """
     from .. import fit as recover
     from .. import load_scene, read_image
@@ -113,23 +117,25 @@ def fit(
     # Find out that a library is missing before the fit, not after it
     figure_of(1)
     options: dict[str, Any] = {"spp": spp, "boundary": not no_boundary, "max_depth": depth}
+    asked = {
+        "wrt": wrt,
+        "bounds": bounds,
+        "mask": weights,
+        "gain": gain,
+        "robust": robust,
+        "method": method,
+        "starts": starts,
+        "seed": seed,
+        "budget": None if once else SECONDS if budget is None else budget,
+        "iterations": iterations,
+        "resolution": resolution,
+        **options,
+    }
     with _warnings_printed() as warned:
-        result = recover(
-            start,
-            picture,
-            wrt=wrt,
-            bounds=bounds,
-            mask=weights,
-            gain=gain,
-            robust=robust,
-            method=method,
-            starts=starts,
-            seed=seed,
-            budget=None if once else SECONDS if budget is None else budget,
-            iterations=iterations,
-            resolution=resolution,
-            **options,
-        )
+        if scheduler is None and workers is None:
+            result = recover(start, picture, **asked)
+        else:
+            result = interruptible(_on_workers, scheduler, workers, start, picture, asked)
     if len(warned) >= len(result.labels):
         raise ValueError(
             f"{target}: the picture depends on none of the parameters to recover; "
@@ -143,6 +149,17 @@ def fit(
     if interrupted or forget():
         return 130
     return 0 if result.quality.explained else UNEXPLAINED
+
+
+def _on_workers(
+    scheduler: str | None, workers: int | None, start: Any, picture: Any, asked: dict[str, Any]
+) -> Any:
+    """A fit whose starts go to workers."""
+    from ..cluster import starts
+    from ..cluster.connect import connected
+
+    with connected(scheduler, workers) as client:
+        return starts.fit(start, picture, client, progress=True, **asked)
 
 
 def _check_inputs(inputs: list[Path], outputs: list[Path]) -> None:

@@ -83,12 +83,10 @@ def coarse_to_fine(
     """
     method = chosen(plan.method, objective)
     descend, iterations = DESCENTS[method], plan.iterations or ITERATIONS[method]
-    pyramid = _pyramid(objective, plan.levels)
+    pyramid = pyramid_of(objective, plan.levels)
     if plan.starts > 1:
-        ends = []
-        for start in _starts(search, x, plan):
-            end, _ = descend(search, pyramid[0], start, TRIALS[method], 0)
-            ends.append((pyramid[0].loss(end), end))
+        starts = starts_of(search, x, plan)
+        ends = [trial(search, pyramid[0], start, method) for start in starts]
         x = min(ends, key=lambda pair: pair[0])[1]
     tries = TRIALS[method], iterations
     seconds, begin, random = plan.budget or 0.0, x, np.random.default_rng(plan.seed)
@@ -104,6 +102,14 @@ def coarse_to_fine(
     return x, stopped
 
 
+def trial(
+    search: Search, coarsest: Objective, start: np.ndarray, method: str
+) -> tuple[float, np.ndarray]:
+    """Where the first steps from a start lead: the loss there, and the numbers."""
+    end, _ = DESCENTS[method](search, coarsest, start, TRIALS[method], 0)
+    return coarsest.loss(end), end
+
+
 def chosen(method: str, objective: Objective) -> str:
     """The method of descent, where "auto" chooses by the number of parameters and of pixels."""
     if method != "auto":
@@ -112,7 +118,7 @@ def chosen(method: str, objective: Objective) -> str:
     return "lm" if objective.count <= FEW or (objective.count <= MANY and fits) else "adam"
 
 
-def _pyramid(objective: Objective, levels: int | None) -> list[Objective]:
+def pyramid_of(objective: Objective, levels: int | None) -> list[Objective]:
     """The objective at so many resolutions, the coarsest first."""
     smallest = min(min(view.resolution) for view in objective.views)
     if levels is None:
@@ -125,7 +131,7 @@ def _pyramid(objective: Objective, levels: int | None) -> list[Objective]:
     return pyramid
 
 
-def _starts(search: Search, x: np.ndarray, plan: Plan) -> list[np.ndarray]:
+def starts_of(search: Search, x: np.ndarray, plan: Plan) -> list[np.ndarray]:
     """The first start, and others drawn at random."""
     random = np.random.default_rng(plan.seed)
     closed = np.isfinite(search.low) & np.isfinite(search.high)

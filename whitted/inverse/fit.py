@@ -17,22 +17,19 @@ import numpy as np
 
 from ..core.interrupts import forget, holding, insist, interruptible
 from ..scene.scene import Scene
-from .bounds import Bounds, bounds_of, scales_of, shapes_of, start_of
+from .bounds import Bounds
 from .coarse_to_fine import Plan, coarse_to_fine
 from .convergence import Iteration, progress_bar
 from .loss import Objective
-from .priors import Priors, prior_of
+from .priors import Priors
+from .problem import Problem, problem_of
 from .quality import assess
 from .result import FitResult
-from .robust import check_robust
 from .search import Search
 from .uncertainty import uncertainty
-from .views import views_of
 
 # Why a fit stopped, after Ctrl-C
 INTERRUPTED = "interrupted"
-# Numbers that are fitted at once, at most: error bars take a derivative of the pictures for each
-MOST = 1000
 # For further tries
 SECONDS = 30.0
 
@@ -117,57 +114,59 @@ def fit(
     """
     if callable(progress):
         raise ValueError("progress: expected True or False; give a function as callback")
-    given = _names(wrt)
     plan = Plan(method, iterations, levels, starts, seed, budget)
-    views = views_of(scene, target, mask, resolution)
-    first = views[0].scene
-    names = list(first.parameters(*given))
-    for one in views:
-        one.scene.parameters(*names)
-    x = np.concatenate([start_of(first, name) for name in names])
-    if not 0 < x.size <= MOST:
-        remedy = "an optimiser of drjit.opt takes any number, as in examples/beads.py"
-        raise ValueError(f"wrt: expected from 1 to {MOST} numbers, got {x.size}; {remedy}")
-    options = {"spp": spp, "boundary": boundary, "max_depth": max_depth}
-    check_robust(robust, gain)
-    prior = prior_of(first, names, {} if priors is None else priors)
-    objective = Objective(
-        tuple(views), tuple(names), shapes_of(first, names), options, gain, prior, robust
+    problem = problem_of(
+        scene,
+        target,
+        wrt,
+        spp=spp,
+        bounds=bounds,
+        mask=mask,
+        gain=gain,
+        priors=priors,
+        robust=robust,
+        boundary=boundary,
+        max_depth=max_depth,
+        resolution=resolution,
+        tolerance=tolerance,
     )
-    low, high = bounds_of(first, names, bounds or {})
-
-    with progress_bar(objective.labels()) if progress else nullcontext(lambda step: None) as show:
+    labels = problem.objective.labels()
+    with progress_bar(labels) if progress else nullcontext(lambda step: None) as show:
 
         def report(step: Iteration) -> None:
             show(step)
             if callback is not None:
                 callback(step)
 
-        scales, labels = scales_of(first, names), objective.labels()
-        search = Search(low, high, scales, tolerance, labels, report)
-        stopped = INTERRUPTED
-        try:
-            x, stopped = interruptible(coarse_to_fine, search, objective, x, plan)
-        except KeyboardInterrupt:
-            x = search.best(x)
-        make = partial(_result, search, objective, x, stopped)
-        result, interrupted = insist(make, stopped == INTERRUPTED)
-        if interrupted or forget():
-            result.stopped = INTERRUPTED
+        search, result = solve(problem, plan, problem.start, report)
     _warn_of_unseen(search, result)
     return result
 
 
-def _names(wrt: Sequence[str]) -> list[str]:
-    names = [wrt] if isinstance(wrt, str) else list(wrt)
-    if not names:
-        raise ValueError(
-            "wrt: expected names of parameters, got an empty list; Scene.parameters() has them all"
-        )
-    repeated = sorted({name for name in names if names.count(name) > 1})
-    if repeated:
-        raise ValueError(f"wrt: '{repeated[0]}' is named twice")
-    return names
+def solve(
+    problem: Problem, plan: Plan, x: np.ndarray, report: Callable[[Iteration], None]
+) -> tuple[Search, FitResult]:
+    """The search, and its result; after Ctrl-C the best so far.
+
+    Args:
+        x: where to start.
+        report: called after each iteration.
+    """
+    search, stopped = problem.search(report), INTERRUPTED
+    try:
+        x, stopped = interruptible(coarse_to_fine, search, problem.objective, x, plan)
+    except KeyboardInterrupt:
+        x = search.best(x)
+    return search, result_at(problem, search, x, stopped)
+
+
+def result_at(problem: Problem, search: Search, x: np.ndarray, stopped: str) -> FitResult:
+    """The result of a search that has ended at some numbers, for a reason."""
+    make = partial(_result, search, problem.objective, x, stopped)
+    result, interrupted = insist(make, stopped == INTERRUPTED)
+    if interrupted or forget():
+        result.stopped = INTERRUPTED
+    return result
 
 
 def _warn_of_unseen(search: Search, result: FitResult) -> None:

@@ -97,22 +97,9 @@ def _job_of(
         raise ValueError(
             f"terms: expected one of {', '.join(TERMS)}, with boundary=True, got {terms!r}"
         )
-    side = math.isqrt(spp) if _is_whole(spp, 1, MAX_SPP) else 0
-    if side * side != spp or not side:
-        raise ValueError(
-            f"spp: expected a perfect square (1, 4, 9, 16, ...) up to {MAX_SPP}, got {spp!r}"
-        )
-    if max_depth is not None and not _is_whole(max_depth, 1, MAX_DEPTH):
-        raise ValueError(
-            f"max_depth: expected a whole number from 1 to {MAX_DEPTH}, got {max_depth!r}"
-        )
-    most = MAX_LEVELS if branches_out(scene) else MAX_LEVELS_OF_CHAINS
-    if unroll is not None and not _is_whole(unroll, 0, most):
-        shape = "branch" if branches_out(scene) else "form chains"
-        raise ValueError(
-            f"unroll: expected a whole number from 0 to {most}, since the scene's rays {shape}, "
-            f"got {unroll!r}"
-        )
+    side = checked_side(spp)
+    check_depth(max_depth)
+    check_levels(scene, unroll)
     size = checked_resolution(scene.resolution if resolution is None else resolution)
     part = None if rows is None else checked_rows(rows, size[1])
     check_memory(size[0], part[1] if part else size[1], dr.itemsize_v(scene.background))
@@ -126,12 +113,44 @@ def _job_of(
     return job, wrt
 
 
+def check_levels(scene: Scene, unroll: object) -> None:
+    """Refuse more levels of straight code than compile in some seconds."""
+    branching = branches_out(scene)
+    most = MAX_LEVELS if branching else MAX_LEVELS_OF_CHAINS
+    if unroll is not None and not _is_whole(unroll, 0, most):
+        rays = "branch" if branching else "form chains"
+        raise ValueError(
+            f"unroll: expected a whole number from 0 to {most}, since the scene's rays {rays}, "
+            f"got {unroll!r}"
+        )
+
+
 def _is_whole(value: object, low: int, high: int) -> bool:
     return (
         isinstance(value, (int, np.integer))
         and not isinstance(value, bool)
         and bool(low <= value <= high)
     )
+
+
+def checked_side(spp: object) -> int:
+    """The samples along a pixel's side, of the samples a pixel that a user gives."""
+    side = (
+        math.isqrt(spp) if isinstance(spp, (int, np.integer)) and _is_whole(spp, 1, MAX_SPP) else 0
+    )
+    if side * side != spp or not side:
+        raise ValueError(
+            f"spp: expected a perfect square (1, 4, 9, 16, ...) up to {MAX_SPP}, got {spp!r}"
+        )
+    return side
+
+
+def check_depth(max_depth: object) -> None:
+    """Refuse a depth that a user gives; None is the scene's."""
+    if max_depth is not None and not _is_whole(max_depth, 1, MAX_DEPTH):
+        raise ValueError(
+            f"max_depth: expected a whole number from 1 to {MAX_DEPTH}, got {max_depth!r}"
+        )
 
 
 def checked_resolution(resolution: object) -> tuple[int, int]:
