@@ -83,6 +83,15 @@ def test_fit_with_all_options(picture, tmp_path, capsys):
     assert "quality: structured residual" in text
 
 
+def test_fit_with_priors(picture, tmp_path):
+    """Of two numbers: one is told more sharply than the picture, 1, tells; the other hardly."""
+    known = f"--wrt spheres.sphere0.center --prior {RADIUS}=0.95:1e-6"
+    known += " --prior spheres.sphere0.center=0,0,0:9,9,9"
+    call(f"{FIT} {known} --once", *picture, "-o", tmp_path / "out")
+    found = wt.load_scene(tmp_path / "out" / "scene.toml")
+    assert float(found.parameters(RADIUS)[RADIUS][0]) == pytest.approx(0.95, abs=1e-4)
+
+
 def test_fit_with_a_robust_loss(picture, tmp_path, capsys):
     """A corner of the picture shows something else, which the fit leaves out."""
     start, target = picture
@@ -114,6 +123,17 @@ def test_fit_with_a_robust_loss(picture, tmp_path, capsys):
         ),
         (f"--wrt {RADIUS} --bound {RADIUS}=1:2", "starts at 0.9, outside [1, 2]"),
         (f"--wrt {RADIUS} --bound camera.fov=1:2", "--bound: 'camera.fov' is not among the"),
+        (f"--wrt {RADIUS} --prior {RADIUS}=1", "--prior: expected NAME=MEAN:SIGMA, as in"),
+        (
+            f"--wrt {RADIUS} --prior {RADIUS}=1:x",
+            f"SIGMA, as in materials.glass.ior=1.5:0.01, got '{RADIUS}=1:x'",
+        ),
+        (
+            f"--wrt {RADIUS} --prior {RADIUS}=1:2 --prior {RADIUS}=1:1",
+            f"--prior: given twice for {RADIUS}; give it once",
+        ),
+        (f"--wrt {RADIUS} --prior {RADIUS}=1:0", f"--prior: {RADIUS}: expected a sigma > 0"),
+        (f"--wrt {RADIUS} --prior camera.fov=1:1", "--prior: 'camera.fov' is not among the"),
         (f"--wrt {RADIUS} --starts 2 --seed -1", "--seed: expected a whole number from 0 on"),
         (f"--wrt {RADIUS} --budget 0", "--budget: expected a number of seconds > 0"),
         (

@@ -23,6 +23,7 @@ OPTIONS = {
     "bounds": "--bound",
     "max_depth": "--depth",
     "name": "--wrt",
+    "priors": "--prior",
     "resolution": "--size",
     "derivatives": "--wrt",
     **{name: f"--{name}" for name in ("component", "error", "iterations", "mask", "seed", "spp")},

@@ -35,6 +35,14 @@ Bounds = Annotated[
         help="The range of a parameter; either end may be left out; may be repeated.",
     ),
 ]
+Priors = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=MEAN:SIGMA",
+        help="What is known of a parameter before; a vector has commas, as in 0,1,0:0.2; "
+        "may be repeated.",
+    ),
+]
 Mask = Annotated[
     Path | None, typer.Option(help="A picture that is black where the target does not count.")
 ]
@@ -75,6 +83,7 @@ def fit(
     output: Folder,
     layer: Layer = None,
     bound: Bounds = None,
+    prior: Priors = None,
     mask: Mask = None,
     gain: Gain = False,
     robust: Robust = None,
@@ -120,6 +129,7 @@ def fit(
     asked = {
         "wrt": wrt,
         "bounds": bounds,
+        "priors": _priors(prior or []),
         "mask": weights,
         "gain": gain,
         "robust": robust,
@@ -201,6 +211,28 @@ def _bound(text: str) -> tuple[str, tuple[float | None, float | None]]:
         raise ValueError(
             f"--bound: expected NAME=LOW:HIGH, as in materials.glass.ior=1.2:1.8, got '{text}'"
         ) from None
+
+
+def _priors(texts: list[str]) -> dict[str, tuple[list[float], list[float]]]:
+    """What each --prior says, by the parameter."""
+    priors: dict[str, tuple[list[float], list[float]]] = {}
+    for name, known in map(_prior, texts):
+        if name in priors:
+            raise ValueError(f"--prior: given twice for {name}; give it once")
+        priors[name] = known
+    return priors
+
+
+def _prior(text: str) -> tuple[str, tuple[list[float], list[float]]]:
+    """The parameter, the mean and the deviation of --prior, each with one number or several."""
+    name, _, known = text.partition("=")
+    try:
+        mean, deviation = ([float(x) for x in part.split(",")] for part in known.split(":"))
+    except ValueError:
+        raise ValueError(
+            f"--prior: expected NAME=MEAN:SIGMA, as in materials.glass.ior=1.5:0.01, got '{text}'"
+        ) from None
+    return name, (mean, deviation)
 
 
 @contextmanager
