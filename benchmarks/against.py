@@ -1,8 +1,8 @@
 """Compare the speed of this version with another one.
 
-    python benchmarks/against.py CLONE [ROUNDS]
+    python benchmarks/against.py CHECKOUT [ROUNDS]
 
-CLONE is another checkout, such as one of commit f173d22. Each version has a process of its own, and
+CHECKOUT is another clone, such as one of commit f173d22. Each version has a process of its own, and
 the two take turns, so that a disturbance of the machine slows both. Times are of whole calls, with
 synchronisation, once all kernels are compiled: the fastest of all rounds. The first call of each
 kind, which compiles (with no kernel in the cache), is told apart.
