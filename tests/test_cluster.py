@@ -3,6 +3,7 @@
 import errno
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -19,8 +20,9 @@ from whitted.cluster import connect, plan, samplers, store
 from whitted.cluster.engine import outcomes
 from whitted.cluster.samplers import Axis, Samples
 
-pytest.importorskip("distributed", reason="needs Dask: pip install 'whitted[cluster]'")
-zarr = pytest.importorskip("zarr", reason="needs zarr 3: pip install 'whitted[cluster]'")
+NEEDS = "pip install 'whitted[cluster]'"
+distributed = pytest.importorskip("distributed", reason=NEEDS)
+zarr = pytest.importorskip("zarr", reason=NEEDS)
 
 COUNT, BATCH = 12, 2
 # Tasks of a command, which has no time for them
@@ -256,7 +258,9 @@ def test_a_scheduler_that_is_killed_loses_nothing(whole, tmp_path):
             time.sleep(0.01)
         place = re.search(r'"address": "(tcp:[^"]*)"', address.read_text())[1]
         with connect.connected(place, None) as client:
-            message = "^the scheduler has gone; what is done is kept$"
+            message = (
+                "^the scheduler has gone; what is done is kept; start another one, and resume$"
+            )
             with pytest.raises(ConnectionError, match=message):
                 sweep(tmp_path / "a.zarr", client, progress=lambda fraction: scheduler.kill())
     finally:
@@ -440,6 +444,16 @@ REFUSED = [
     ({"vary": {IOR: [[1, 2]]}}, f"{IOR}: expected (low, high) or a list of numbers, got [[1, 2]]"),
     ({"vary": {}}, "vary: expected a dictionary such as {'materials.glass.ior': (1.3, 1.8)}, got"),
     ({"vary": [IOR]}, "vary: expected a dictionary"),
+    ({"vary": {3: (1, 2)}}, "vary: expected the name of a parameter, got 3"),
+    ({"vary": {IOR: lambda *_: 1.5}}, f"{IOR}: expected (low, high) or a list of numbers, got 1.5"),
+    ({"derivatives": None}, "derivatives: expected names of parameters, got None"),
+    ({"derivatives": [IOR, IOR]}, f"derivatives: '{IOR}' is named twice"),
+    ({"boundary": "no"}, "boundary: expected True or False, got 'no'"),
+    ({"path": None}, "path: expected the name of a folder that ends in .zarr, got None"),
+    (
+        {"count": 1 << 20, "batch": 1 << 20, "resolution": (512, 512)},
+        "batch: 1048576 pictures take 3072.0 GiB, too much; take a smaller one",
+    ),
     (
         {"vary": {X: (0, 1), "spheres.ball.center": (0, 1)}},
         f"vary: '{X}' is named twice",
@@ -464,7 +478,7 @@ REFUSED = [
     ),
     (
         {"count": 1 << 34, "batch": 2},
-        "count: 17179869184 pictures are 8589934592 tasks, more than 2^31; give fewer, or cut the",
+        "count: 17179869184 pictures are more than 2^31; give fewer, or cut the sweep into several",
     ),
     ({"sampler": "latin"}, "sampler: expected one of grid, sobol, random, got 'latin'"),
     ({"seed": -1}, "seed: expected a whole number from 0 on, got -1"),
@@ -507,15 +521,21 @@ def test_a_store_that_is_there_is_kept(whole, tmp_path):
     with pytest.raises(ValueError, match=message):
         sweep(whole)
     for options, what in (
-        ({"count": 14}, "count: 12 there, 14 here"),
-        ({"seed": 1}, "seed: 0 there, 1 here"),
-        ({"spp": 4}, "spp: 1 there, 4 here"),
-        ({"batch": 3}, "batch: 2 there, 3 here"),
-        ({"derivatives": [IOR]}, "derivatives: "),
+        ({"count": 14}, "count (12 there, 14 here)"),
+        ({"seed": 1}, "seed (0 there, 1 here)"),
+        ({"spp": 4}, "spp (1 there, 4 here)"),
+        ({"batch": 3}, "batch (2 there, 3 here)"),
+        ({"derivatives": [IOR]}, "derivatives ("),
+        ({"seed": 2, "spp": 9}, "seed (0 there, 2 here), spp (1 there, 9 here)"),
     ):
         message = f"{re.escape(str(whole))}: holds another sweep, of another {re.escape(what)}"
         with pytest.raises(ValueError, match=message):
             sweep(whole, resume=True, **options)
+    # The sampler gives the first number its first values
+    with pytest.raises(ValueError, match=r"holds another sweep, of another vary \("):
+        cluster.sweep(
+            ball(), dict(reversed(VARY.items())), whole, count=COUNT, batch=BATCH, resume=True
+        )
     other = ball().replace({"ambient": (0.3, 0.2, 0.2)})
     message = f"{re.escape(str(whole))}: holds another sweep, of another scene; choose another name"
     with pytest.raises(ValueError, match=message):
@@ -562,6 +582,50 @@ def test_missing_libraries_are_named(tmp_path, monkeypatch, module, message):
         connect.connected(None, 1 if module == "distributed" else None),
     ):
         sweep(tmp_path / "a.zarr")
+
+
+def test_a_name_that_no_array_can_have(tmp_path):
+    ball_of_glass = wt.Sphere("a/b", center=(0, 0, 0), radius=0.4, material="glass")
+    scene, name = ball().add(ball_of_glass), "spheres.a/b.radius"
+    message = f"vary: '{name}' cannot be the name of an array, for its '/'; rename the thing in the"
+    with pytest.raises(ValueError, match=re.escape(message)):
+        cluster.sweep(scene, {name: (0.1, 0.2)}, tmp_path / "a.zarr", count=2)
+
+
+def test_numbers_of_numpy_are_numbers(whole, tmp_path):
+    options = {"count": np.int64(COUNT), "batch": np.int32(BATCH), "spp": np.int64(1)}
+    sweep(tmp_path / "a.zarr", **options, boundary=np.bool_(True), max_depth=np.int8(8))
+    attributes = zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs["sweep"]
+    assert attributes["batch"] == BATCH
+
+
+def test_what_is_no_client_is_refused(client, tmp_path):
+    message = "client: expected a distributed.Client, got str; Client(cluster) or"
+    with pytest.raises(TypeError, match=re.escape(message)):
+        sweep(tmp_path / "a.zarr", "127.0.0.1:8786")
+    closed = distributed.Client(client.scheduler.address)
+    closed.close()
+    with pytest.raises(ValueError, match="client: is closed; connect again"):
+        sweep(tmp_path / "b.zarr", closed)
+
+
+def test_a_chunk_that_is_gone_is_rendered_again(whole, tmp_path):
+    copy = tmp_path / "copy.zarr"
+    shutil.copytree(whole, copy)
+    shutil.rmtree(copy / "image" / "c" / "3")
+    assert sweep(copy, resume=True).rendered == 1
+    assert contents(copy) == contents(whole)
+    (copy / "done" / "zarr.json").write_text("{")
+    with pytest.raises(ValueError, match=r"copy\.zarr: is damaged, its marks cannot be read"):
+        sweep(copy, resume=True)
+
+
+def test_a_thousand_failures_are_recorded(whole, tmp_path):
+    copy = tmp_path / "copy.zarr"
+    shutil.copytree(whole, copy)
+    store.record_failures(copy, [{"picture": k} for k in range(1005)])
+    failed = zarr.open_group(str(copy), mode="r").attrs["failed"]
+    assert failed[-2:] == [{"picture": 999}, {"more": 5}]
 
 
 def test_a_worker_that_does_not_see_the_store_says_so(tmp_path):

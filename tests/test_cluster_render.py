@@ -153,6 +153,15 @@ def test_a_full_disk_leaves_nothing(tmp_path, monkeypatch, name):
         ({"spp": 2}, "spp: expected a perfect square"),
         ({"max_depth": 0}, "max_depth: expected a whole number"),
         ({"resolution": (0, 1)}, "resolution: expected (width, height)"),
+        ({"metadata": "no"}, "metadata: expected a dictionary of names and values, got 'no'"),
+        (
+            {"metadata": {"tiles": 1}},
+            "metadata: expected names of 1 to 255 characters, but none that",
+        ),
+        ({"metadata": {"a\0": 1}}, "is laid out, got 'a\\x00'"),
+        ({"metadata": {1: 1}}, "is laid out, got 1"),
+        ({"metadata": {"a": 1 << 40}}, "metadata: a: expected a text, a number, or a whole number"),
+        ({"metadata": {"a": [1]}}, "of 32 bits, got [1]"),
         ({"progress": 3}, "progress: expected True, False or a function"),
     ],
 )

@@ -4,16 +4,16 @@ import logging
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from importlib import metadata
 from typing import Any
 
+from ..core.interrupts import heed, held
 from .libraries import require
+from .plan import PACKAGES
 
 # Seconds in which a scheduler has to answer
 TIMEOUT = 10
-# Versions that have to be the same everywhere, as pictures may differ between them
-PACKAGES = ("whitted", "drjit")
 # Workers that a message names, at most
 NAMED = 3
 
@@ -46,6 +46,9 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
 def _client(scheduler: str) -> Iterator[Any]:
     from distributed import Client
 
+    # What goes wrong with the connection is told in one line
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     refused = f"scheduler: '{scheduler}' does not answer within {TIMEOUT} s"
     remedy = "start one with: dask scheduler"
     try:
@@ -72,19 +75,38 @@ def _local(workers: int) -> Iterator[Any]:
     # A worker that dies is started again; the run goes on, and tells at its end what is missing
     for name in ("distributed", "distributed.nanny", "distributed.worker"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
-    with (
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=threads,
-            processes=True,
-            # Any free port: another cluster may have the usual one
-            dashboard_address="127.0.0.1:0",
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        client.register_plugin(OwnInterrupts(), name=OwnInterrupts.name)
-        yield client
+    with ExitStack() as stack:
+
+        def start() -> Any:
+            cluster = LocalCluster(
+                n_workers=workers,
+                threads_per_worker=threads,
+                processes=True,
+                # Any free port: another cluster may have the usual one
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )
+            client = stack.enter_context(Client(stack.enter_context(cluster)))
+            client.register_plugin(OwnInterrupts(), name=OwnInterrupts.name)
+            return client
+
+        # Ctrl-C waits until workers can be ended in good order
+        heed()
+        yield held(start)
+
+
+def check_client(client: Any) -> None:
+    """Refuse what is no client of a cluster, or is closed."""
+    from distributed import Client
+
+    if not isinstance(client, Client):
+        kind = type(client).__name__
+        raise TypeError(
+            f"client: expected a distributed.Client, got {kind}; Client(cluster) or "
+            "Client(address) makes one"
+        )
+    if client.status != "running":
+        raise ValueError(f"client: is {client.status}; connect again")
 
 
 def own_version(package: str) -> str:
@@ -101,7 +123,7 @@ def prepare_workers(client: Any) -> None:
     from .plugins import Threads
 
     check_versions(client)
-    client.register_plugin(Threads(), name=Threads.name)
+    client.register_plugin(Threads(os.getpid()), name=Threads.name)
 
 
 def check_versions(client: Any) -> None:

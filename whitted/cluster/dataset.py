@@ -1,5 +1,6 @@
 """`sweep`: a data set of pictures of a scene whose numbers are varied."""
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -14,9 +15,9 @@ from ..scene.scene import Scene, checked_scene
 from . import store
 from .engine import outcomes
 from .libraries import require
-from .numbers import numbers_named
+from .numbers import Number, numbers_named
 from .pictures import Sweep, render_pictures
-from .plan import Plan, batch_of, check_tasks, is_whole, samples_of
+from .plan import Plan, batch_of, is_whole, samples_of
 from .work import stops
 
 
@@ -111,11 +112,14 @@ def planned_sweep(scene: Scene, vary: Mapping[str, Any], path: str | Path, asked
     """Check what is asked of a sweep, before workers are started; its errors."""
     checked_scene(scene)
     require("zarr")
+    if not isinstance(path, (str, Path)):
+        raise ValueError(f"path: expected the name of a folder that ends in .zarr, got {path!r}")
     path = Path(path).absolute()
     store.check_path(path)
     numbers, samples = samples_of(scene, vary, asked.sampler, asked.count, asked.seed)
-    names = [asked.derivatives] if isinstance(asked.derivatives, str) else asked.derivatives
-    wrt = [one for name in names for one in numbers_named(scene, name)]
+    wrt = _derivatives(scene, asked.derivatives)
+    if not isinstance(asked.boundary, (bool, np.bool_)):
+        raise ValueError(f"boundary: expected True or False, got {asked.boundary!r}")
     size = checked_resolution(scene.resolution if asked.resolution is None else asked.resolution)
     check_memory(*size, np.dtype(scene.precision.dtype).itemsize)
     check_depth(asked.max_depth)
@@ -125,10 +129,33 @@ def planned_sweep(scene: Scene, vary: Mapping[str, Any], path: str | Path, asked
         batch = batch_of(samples.count, per_picture, len(wrt))
     elif not is_whole(batch) or batch < 1:
         raise ValueError(f"batch: expected a whole number from 1 on, got {batch!r}")
-    check_tasks(samples.count, batch)
-    depth = asked.max_depth or scene.max_depth
-    about = size, asked.spp, asked.boundary, depth, min(batch, samples.count)
+    batch = min(int(batch), samples.count)
+    _check_batch(batch, size, len(wrt), np.dtype(scene.precision.dtype).itemsize)
+    depth = int(asked.max_depth or scene.max_depth)
+    about = size, int(asked.spp), bool(asked.boundary), depth, batch
     return Sweep(path, Plan(scene, numbers, samples, tuple(wrt), *about))
+
+
+def _derivatives(scene: Scene, asked: Any) -> list[Number]:
+    """The numbers by which pictures are differentiated."""
+    names = [asked] if isinstance(asked, str) else asked
+    if not isinstance(names, Sequence) or not all(isinstance(name, str) for name in names):
+        raise ValueError(f"derivatives: expected names of parameters, got {asked!r}")
+    wrt = [one for name in names for one in numbers_named(scene, name)]
+    labels = [one.label for one in wrt]
+    for label in labels:
+        if labels.count(label) > 1:
+            raise ValueError(f"derivatives: '{label}' is named twice")
+    return wrt
+
+
+def _check_batch(batch: int, size: tuple[int, int], derivatives: int, itemsize: int) -> None:
+    """Refuse tasks whose pictures do not fit in memory."""
+    need = batch * size[0] * size[1] * 3 * itemsize * (1 + derivatives)
+    if need > os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2:
+        raise ValueError(
+            f"batch: {batch} pictures take {need / (1 << 30):.1f} GiB, too much; take a smaller one"
+        )
 
 
 def carry_out(
@@ -140,27 +167,37 @@ def carry_out(
 ) -> SweepResult:
     """Render what a sweep lacks; its arguments, its result and its errors."""
     path, plan = sweep.path, sweep.plan
-    done = _opened(path, plan, resume)
+    check_store(sweep, resume)
     try:
+        done = _opened(path, plan)
         with reporting(progress, "rendering") as report:
             failed, rendered = _run(client, sweep, done, report or (lambda fraction: None))
+    except ConnectionError as error:
+        remedy = "what is done is kept; start another one, and resume"
+        raise ConnectionError(f"{error}; {remedy}") from None
     except OSError as error:
         if not stops(error):
             raise
-        told = f"{error.strerror}; what is done is kept, and resume goes on"
-        raise OSError(error.errno, told, str(path)) from error
+        kept = "; what is done is kept, and resume goes on" if path.exists() else ""
+        raise OSError(error.errno, f"{error.strerror}{kept}", str(path)) from error
     store.record_failures(path, failed)
     return SweepResult(path, plan.count, plan.tasks, rendered, failed)
 
 
-def _opened(path: Path, plan: Plan, resume: bool) -> set[int]:
+def check_store(sweep: Sweep, resume: bool) -> None:
+    """Refuse a store that is there already, or is one of another sweep."""
+    path = sweep.path
+    if os.path.lexists(path) and not resume:
+        raise ValueError(f"{path}: is there already; resume it, or choose another name")
+    if os.path.lexists(path):
+        store.check_same(path, sweep.plan)
+
+
+def _opened(path: Path, plan: Plan) -> set[int]:
     """Make the store, or open it. Returns the tasks that are done."""
     if not path.exists():
         store.create(path, plan)
         return set()
-    if not resume:
-        raise ValueError(f"{path}: is there already; resume it, or choose another name")
-    store.check_same(path, plan)
     return {task for task, mark in store.marks(path).items() if mark == store.WHOLE}
 
 

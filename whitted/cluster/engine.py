@@ -32,7 +32,7 @@ AHEAD = 3
 RECOUNT = 2.0
 # Results that are fetched at once, at most; a band of a picture has some MiB
 TOGETHER = 16
-GONE = "the scheduler has gone; what is done is kept"
+GONE = "the scheduler has gone"
 
 
 def outcomes(
@@ -55,18 +55,22 @@ def outcomes(
             yield at_the_third_attempt(function, packed, task)
     else:
         # Imported late: without a client Dask is not needed
-        from distributed.comm import CommClosedError
+        from .connect import check_client, prepare_workers
 
-        from .connect import prepare_workers
-
-        prepare_workers(client)
-        run = _Run(client, function, packed, iter(tasks))
+        check_client(client)
+        run = None
         try:
+            prepare_workers(client)
+            run = _Run(client, function, packed, iter(tasks))
             yield from run.outcomes()
-        except CommClosedError:
+        except OSError as error:
+            # Those of Dask's connections have no number
+            if stops(error):
+                raise
             raise ConnectionError(GONE) from None
         finally:
-            run.cancel()
+            if run is not None:
+                run.cancel()
 
 
 class _Run:

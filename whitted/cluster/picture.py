@@ -10,7 +10,7 @@ import numpy as np
 from ..files.atomic import atomically
 from ..files.images import check_image
 from ..files.progress import reporting
-from ..files.tiles import TILE, TiledFile
+from ..files.tiles import TILE, TiledFile, check_attributes
 from ..rendering.samples import check_depth, check_memory, checked_resolution, checked_side
 from ..scene.scene import Scene, checked_scene
 from .bands import Picture, render_band, rows_of_band
@@ -59,6 +59,7 @@ def render(
         >>> cluster.render(scene, client, resolution=(32768, 32768), output="large.exr")
     """
     checked_scene(scene)
+    check_attributes(metadata or {})
     side = checked_side(spp)
     check_depth(max_depth)
     size = checked_resolution(scene.resolution if resolution is None else resolution)

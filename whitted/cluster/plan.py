@@ -23,10 +23,12 @@ MOST = 1 << 22
 OVERHEAD = 1 << 13
 # Tasks that a sweep is cut into where pictures are few, so that all workers have some
 TASKS = 64
-# More tasks are refused
-MOST_TASKS = 1 << 31
+# More pictures are refused, and so are more tasks
+MOST_PICTURES = 1 << 31
 # The way in which a store is laid out
 LAYOUT = 1
+# Pictures may differ between versions of these
+PACKAGES = ("whitted", "drjit")
 
 
 @dataclass(frozen=True)
@@ -70,9 +72,10 @@ class Plan:
         """All that decides about a store's bytes, for its attributes."""
         return {
             "layout": LAYOUT,
-            "whitted": metadata.version("whitted"),
+            **{package: metadata.version(package) for package in PACKAGES},
             "scene": digest(self.scene),
-            "vary": {axis.label: _told(axis) for axis in self.samples.axes},
+            # In order: the sampler gives each number the values of its place
+            "vary": [[axis.label, *_told(axis)] for axis in self.samples.axes],
             "sampler": self.samples.sampler,
             "count": self.count,
             "seed": self.samples.seed,
@@ -91,11 +94,12 @@ def digest(scene: Scene) -> str:
     return hashlib.sha256(json.dumps(scene.to_dict(), sort_keys=True).encode()).hexdigest()
 
 
-def _told(axis: Axis) -> Any:
+def _told(axis: Axis) -> list[Any]:
     """What a number is drawn from, in few words."""
     if axis.values is None:
         return [axis.low, axis.high]
-    return hashlib.sha256(np.asarray(axis.values, np.float64).tobytes()).hexdigest()
+    digest = hashlib.sha256(np.asarray(axis.values, np.float64).tobytes()).hexdigest()
+    return [f"{len(axis.values)} values", digest[:12]]
 
 
 def batch_of(count: int, samples: int, derivatives: int) -> int:
@@ -139,13 +143,26 @@ def samples_of(
     numbers: list[Number] = []
     axes: list[Axis] = []
     for name, given in vary.items():
+        if not isinstance(name, str):
+            raise ValueError(f"vary: expected the name of a parameter, got {name!r}")
         for number in numbers_named(scene, name):
             if number.label in {axis.label for axis in axes}:
                 raise ValueError(f"vary: '{number.label}' is named twice")
+            if "/" in number.label:
+                raise ValueError(
+                    f"vary: '{number.label}' cannot be the name of an array, for its '/'; rename "
+                    "the thing in the scene"
+                )
             axis = _axis(scene, number, given, count, seed + len(axes))
             numbers.append(number)
             axes.append(axis)
-    samples = Samples(tuple(axes), sampler, _count(axes, sampler, count), int(seed))
+    pictures = _count(axes, sampler, count)
+    if pictures > MOST_PICTURES:
+        raise ValueError(
+            f"count: {pictures} pictures are more than 2^31; give fewer, or cut the sweep into "
+            "several"
+        )
+    samples = Samples(tuple(axes), sampler, pictures, int(seed))
     return tuple(numbers), samples
 
 
@@ -156,10 +173,11 @@ def is_whole(value: object) -> bool:
 
 def _axis(scene: Scene, number: Number, given: Any, count: int | None, seed: int) -> Axis:
     """What a number is drawn from."""
-    if callable(given):
+    drawn = callable(given)
+    if drawn:
         if count is None:
             raise ValueError(f"count: say how many values of {number.label} are to be drawn")
-        given = list(given(np.random.default_rng(seed), count))
+        given = given(np.random.default_rng(seed), count)
     try:
         values = np.asarray(given, np.float64)
     except (TypeError, ValueError):
@@ -169,7 +187,7 @@ def _axis(scene: Scene, number: Number, given: Any, count: int | None, seed: int
             f"{number.label}: expected (low, high) or a list of numbers, got {given!r}"
         )
     check_values(scene, number, values)
-    if isinstance(given, tuple) and len(given) == 2:
+    if isinstance(given, tuple) and len(given) == 2 and not drawn:
         low, high = values.tolist()
         if low > high:
             raise ValueError(f"{number.label}: the lowest, {low:g}, is above the highest, {high:g}")
@@ -198,17 +216,3 @@ def _count(axes: list[Axis], sampler: str, count: int | None) -> int:
                 "or take the sampler grid"
             )
     return int(count)
-
-
-def check_tasks(count: int, batch: int) -> None:
-    """Refuse more tasks than a run can have.
-
-    Raises:
-        ValueError: there are more than 2^31.
-    """
-    tasks = -(-count // batch)
-    if tasks > MOST_TASKS:
-        raise ValueError(
-            f"count: {count} pictures are {tasks} tasks, more than 2^31; give fewer, or cut the "
-            "sweep into several"
-        )

@@ -1,5 +1,6 @@
 """What is set on workers when they start, and again when Dask starts them again."""
 
+import os
 import signal
 from typing import Any
 
@@ -15,8 +16,12 @@ class Threads(WorkerPlugin):
 
     name = "whitted-threads"
 
+    def __init__(self, client: int) -> None:
+        self.client = client  # its process, whose threads are the user's
+
     def setup(self, worker: Any) -> None:
-        dr.set_thread_count(worker.state.nthreads)
+        if os.getpid() != self.client:
+            dr.set_thread_count(worker.state.nthreads)
 
 
 class OwnInterrupts(WorkerPlugin):

@@ -3,9 +3,9 @@
 Workers write the chunks of level 0. The others are made of it, one row of chunks at a time.
 """
 
+import errno
 import os
 import secrets
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from .libraries import require
+from .store import remove
 
 # Pixels along the side of a chunk
 CHUNK = 256
@@ -50,15 +51,14 @@ def new_pyramid(
             _halve(group, level)
         temporary.rename(path)
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        remove(temporary)
 
 
 def write_band(path: str, first: int, pixels: np.ndarray) -> None:
     """Write a band of rows of level 0, of whole chunks but for the last one."""
     if not Path(path).is_dir():
-        raise FileNotFoundError(
-            f"there is no folder '{path}' on this worker; all workers have to see it"
-        )
+        missing = "is no folder on this worker; all workers have to see it"
+        raise FileNotFoundError(errno.ENOENT, missing, path)
     require("zarr").open_group(path, mode="r+")["0"][first : first + len(pixels)] = pixels
 
 

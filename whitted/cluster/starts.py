@@ -18,6 +18,19 @@ from .engine import outcomes
 from .plan import is_whole
 from .trials import Trials, go_on, try_starts
 
+# Further options, those of `whitted.fit`
+OPTIONS = (
+    "spp",
+    "bounds",
+    "mask",
+    "gain",
+    "priors",
+    "robust",
+    "boundary",
+    "max_depth",
+    "resolution",
+    "tolerance",
+)
 # Ends of first steps that are closer than this part of each number's scale are one
 ALIKE = 0.02
 
@@ -67,6 +80,9 @@ def fit(
     for name, value in (("starts", starts), ("best", best)):
         if not is_whole(value) or value < 1:
             raise ValueError(f"{name}: expected a whole number from 1 on, got {value!r}")
+    for name in options:
+        if name not in OPTIONS:
+            raise TypeError(f"fit: has no option {name!r}; further ones are {', '.join(OPTIONS)}")
     plan = Plan(method, iterations, levels, int(starts), seed, budget)
     trials = Trials(scene, target, wrt, plan, options)
     # Find out here what is wrong with it, before workers do

@@ -11,9 +11,11 @@ on the disk. So whatever a crash leaves, a chunk with a mark is whole, and one w
 again, to the same bytes.
 """
 
+import errno
 import os
 import secrets
 import shutil
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,12 +24,15 @@ import numpy as np
 
 from .libraries import require
 from .plan import Plan
+from .work import told
 
 IMAGE, DERIVATIVE, MARKS = "image", "derivative", "done"
 # Marks: all pictures of a task are there, or all but those that the scene refused
 WHOLE, PARTLY = 1, 2
 # Values of a number in a chunk
 VALUES = 1 << 16
+# Pictures that are missing, of which the attributes tell
+RECORDED = 1000
 # A scene of more characters than this is not kept in the attributes, but for its digest
 LONGEST = 1 << 20
 
@@ -44,7 +49,7 @@ def check_path(path: Path) -> None:
         raise ValueError(f"{path}: expected a name that ends in .zarr")
     if not path.parent.is_dir():
         raise ValueError(f"{path}: there is no folder '{path.parent}'; make it first")
-    if not os.access(path.parent, os.W_OK | os.X_OK):
+    if not path.exists() and not os.access(path.parent, os.W_OK | os.X_OK):
         raise ValueError(f"{path}: the folder '{path.parent}' cannot be written to; choose another")
 
 
@@ -55,7 +60,16 @@ def create(path: Path, plan: Plan) -> None:
         _fill(temporary, plan)
         temporary.rename(path)
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        remove(temporary)
+
+
+def remove(folder: Path) -> None:
+    """Remove a folder, into which workers may still be writing for a moment."""
+    for _ in range(50):
+        shutil.rmtree(folder, ignore_errors=True)
+        if not folder.exists():
+            return
+        time.sleep(0.1)
 
 
 def _fill(path: Path, plan: Plan) -> None:
@@ -111,13 +125,15 @@ def check_same(path: Path, plan: Plan) -> None:
         there = dict(group.attrs)["sweep"]
     except (OSError, KeyError, ValueError):
         raise ValueError(f"{path}: is no sweep of whitted; choose another name") from None
-    here = plan.described()
-    for key, value in here.items():
-        if there.get(key) != value:
-            told = "" if key == "scene" else f": {there.get(key)} there, {value} here"
-            raise ValueError(
-                f"{path}: holds another sweep, of another {key}{told}; choose another name"
-            )
+    differ = [
+        key if key == "scene" else f"{key} ({there.get(key)} there, {value} here)"
+        for key, value in plan.described().items()
+        if there.get(key) != value
+    ]
+    if differ:
+        raise ValueError(
+            f"{path}: holds another sweep, of another {', '.join(differ)}; choose another name"
+        )
 
 
 def marks(path: Path) -> dict[int, int]:
@@ -125,12 +141,22 @@ def marks(path: Path) -> dict[int, int]:
     folder = path / MARKS / "c"
     if not folder.is_dir():
         return {}
-    group = require("zarr").open_group(str(path), mode="r")
     known = [int(entry.name) for entry in os.scandir(folder) if entry.name.isdecimal()]
     if not known:
         return {}
-    values = group[MARKS][:]
-    return {task: int(values[task]) for task in known if values[task]}
+    try:
+        values = require("zarr").open_group(str(path), mode="r")[MARKS][:]
+    except Exception as error:
+        # Whatever Zarr says of a file that it cannot read
+        raise ValueError(
+            f"{path}: is damaged, its marks cannot be read ({told(error)}); render it anew under "
+            "another name"
+        ) from error
+    # A chunk that someone has deleted is rendered again
+    chunks = path / IMAGE / "c"
+    return {
+        task: int(values[task]) for task in known if values[task] and (chunks / str(task)).is_dir()
+    }
 
 
 def write(
@@ -142,9 +168,8 @@ def write(
         OSError: the disk is full, say; or the store is not there.
     """
     if not path.is_dir():
-        raise FileNotFoundError(
-            f"there is no folder '{path}' on this worker; all workers have to see it"
-        )
+        missing = "is no folder on this worker; all workers have to see it"
+        raise FileNotFoundError(errno.ENOENT, missing, str(path))
     group = require("zarr").open_group(str(path), mode="r+")
     first, count = plan.pictures(task)
     for name, block in blocks.items():
@@ -168,6 +193,10 @@ def record_failures(path: Path, failures: Sequence[dict[str, Any]]) -> None:
     """Note the pictures that are missing, and why; nothing is noted where none are."""
     group = require("zarr").open_group(str(path), mode="r+")
     known = dict(group.attrs)
+    left_out = len(failures) - RECORDED
+    failures = list(failures[:RECORDED])
+    if left_out > 0:
+        failures.append({"more": left_out})
     new = {key: value for key, value in known.items() if key != "failed"}
     if failures:
         new["failed"] = list(failures)

@@ -17,8 +17,8 @@ from typing import Any
 Function = Callable[[Any, Any], Any]
 # How often a task is tried
 ATTEMPTS = 3
-# What every other task would meet, too: a full disk, one that cannot be written to
-STOPPING = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM}
+# What every other task would meet, too: a full disk, one that cannot be written to or is not there
+STOPPING = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOENT}
 
 _lock = threading.Lock()
 _opened: dict[str, Any] = {}

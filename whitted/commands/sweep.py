@@ -77,19 +77,21 @@ def sweep(
         count, sampler, seed, spp, not no_boundary, depth, size_of(size), wrt or [], batch
     )
     planned = dataset.planned_sweep(loaded, ranges, output, asked)
+    dataset.check_store(planned, resume)
     with connected(scheduler, workers) as client, progress_bar("rendering") as progress:
         try:
             result = dataset.carry_out(planned, client, resume=resume, progress=progress)
         except KeyboardInterrupt:
-            typer.echo(f"{output}: what is done is kept; --resume goes on", err=True)
+            if output.exists():
+                typer.echo(f"{output}: what is done is kept; --resume goes on", err=True)
             raise
     seconds = time.perf_counter() - start
     for failure in result.failed[:TOLD]:
         typer.echo(_told(failure), err=True)
     missing = f", {len(result.failed)} of them missing" if result.failed else ""
     typer.echo(
-        f"wrote {output}: {result.count} pictures{missing}, {result.rendered} of {result.tasks} "
-        f"tasks now, in {seconds:.1f} s"
+        f"wrote {output}: {result.count} picture{'s' * (result.count > 1)}{missing}, "
+        f"{result.rendered} of {result.tasks} tasks now, in {seconds:.1f} s"
     )
     return MISSING if result.failed else 0
 

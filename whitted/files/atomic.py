@@ -29,6 +29,9 @@ def atomically(path: Path, write: Callable[[Path], None]) -> None:
     try:
         write(temporary)
         temporary.replace(path)
+    except ConnectionError:
+        # It is not the file's
+        raise
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from None
     finally:

@@ -19,6 +19,47 @@ BEGIN = struct.pack("<II", 20000630, 2 | 0x200)
 FLOAT, ZIP, RANDOM_ORDER, ONE_LEVEL = 2, 3, 2, 0
 
 
+# Attributes that tell how the file is laid out
+RESERVED = {
+    "channels",
+    "compression",
+    "dataWindow",
+    "displayWindow",
+    "lineOrder",
+    "pixelAspectRatio",
+    "screenWindowCenter",
+    "screenWindowWidth",
+    "tiles",
+    "name",
+    "type",
+    "version",
+    "chunkCount",
+}
+
+
+def check_attributes(metadata: Mapping[str, str | int | float]) -> None:
+    """Refuse attributes that a header cannot have.
+
+    Raises:
+        ValueError: the message has the attribute.
+    """
+    if not isinstance(metadata, Mapping):
+        raise ValueError(f"metadata: expected a dictionary of names and values, got {metadata!r}")
+    for name, value in metadata.items():
+        fits = isinstance(name, str) and 0 < len(name.encode()) < 256 and "\0" not in name
+        if not fits or name in RESERVED:
+            raise ValueError(
+                "metadata: expected names of 1 to 255 characters, but none that tells how the file "
+                f"is laid out, got {name!r}"
+            )
+        whole = isinstance(value, int) and -(1 << 31) <= value < 1 << 31
+        if not (whole or isinstance(value, (str, float))):
+            raise ValueError(
+                f"metadata: {name}: expected a text, a number, or a whole number of 32 bits, "
+                f"got {value!r}"
+            )
+
+
 class TiledFile:
     """A tiled EXR that is being written: float32 R, G, B in ZIP-compressed tiles."""
 
