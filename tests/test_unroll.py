@@ -55,6 +55,14 @@ def test_any_levels_give_the_same_picture(name, precision):
         assert error <= ROUNDING[precision]
 
 
+def test_levels_by_default():
+    for scene, levels in ((load_scene("cornell"), 1), (parse_scene(CHAIN), 3)):
+        for depth in (1, 8):
+            limits = Job(scene, {}, (8, 8), depth, 1, None).limits
+            assert limits.levels == min(levels, depth)
+            assert limits.loops == (depth > levels)
+
+
 @pytest.mark.parametrize("depth", [1, 2, 4])
 @pytest.mark.parametrize("name", ["chain", "cornell"])
 def test_without_a_loop(name, depth):

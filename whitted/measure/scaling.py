@@ -18,6 +18,7 @@ from ..rendering.samples import render_samples
 from ..scene.features import reflects
 from ..scene.files import load_scene
 from ..scene.scene import Scene
+from .compiling import compile_seconds
 from .enlarged import more_lights, more_spheres
 from .setup import Setup
 from .store import Rows
@@ -52,7 +53,9 @@ def unrolled(setup: Setup) -> Rows:
         )
         for n in range(deepest + 1)
     }
-    return _times(setup, calls, "plain", range(deepest + 1))
+    rows = _times(setup, calls, "plain", range(deepest + 1))
+    # Here other measurements have compiled some of the kernels before
+    return [row | {"compile_s": compile_seconds(setup.path, row["x"])} for row in rows]
 
 
 def spheres(setup: Setup) -> Rows:
