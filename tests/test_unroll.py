@@ -56,7 +56,9 @@ def test_any_levels_give_the_same_picture(name, precision):
 
 
 def test_levels_by_default():
-    for scene, levels in ((load_scene("cornell"), 1), (parse_scene(CHAIN), 3)):
+    cloud = '[[clouds]]\nname = "c"\nspheres = [[0, 2, 0, 0.5]]\nmaterial = "mirror"\n'
+    scenes = load_scene("cornell"), parse_scene(CHAIN), parse_scene(CHAIN + cloud)
+    for scene, levels in zip(scenes, (1, 3, 0), strict=True):
         for depth in (1, 8):
             limits = Job(scene, {}, (8, 8), depth, 1, None).limits
             assert limits.levels == min(levels, depth)

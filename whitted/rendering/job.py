@@ -60,6 +60,8 @@ class Job:
 
     def _levels_that_pay(self) -> int:
         """By measurement: see `tracing.recursion`."""
+        if self.scene.structure.in_tree:
+            return 0
         return 1 if branches_out(self.scene) else 3
 
     @property
