@@ -1,6 +1,5 @@
 """Single numbers of a scene by name: a parameter, a component of a vector, one of a cloud."""
 
-import itertools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ import numpy as np
 from ..core.arrays import Array
 from ..core.parameter import Range
 from ..inverse.bounds import shapes_of
-from ..inverse.loss import arrays
+from ..inverse.loss import arrays, label_of
 from ..scene.scene import Scene
 
 
@@ -41,7 +40,7 @@ def numbers_named(scene: Scene, name: str) -> list[Number]:
         if stem in scene.locations:
             place = _place(rest, shapes_of(scene, [stem])[0])
             if place is not None:
-                return [Number(".".join([stem, *_words(stem, at)]), stem, at) for at in place]
+                return [Number(label_of(stem, at), stem, at) for at in place]
     # This is a pattern, or it raises an error
     return [one for own in scene.parameters(name) for one in numbers_named(scene, own)]
 
@@ -61,12 +60,6 @@ def _place(words: list[str], shape: tuple[int, ...]) -> list[tuple[int, ...]] | 
             return None
         place.append(index)
     return [tuple(place)]
-
-
-def _words(name: str, place: tuple[int, ...]) -> Iterable[str]:
-    """The words behind a parameter's name that stand for a place."""
-    sphere, axis = (place[:1], place[1:]) if name.startswith("clouds.") else ((), place)
-    return itertools.chain(map(str, sphere), ("xyz"[k] for k in axis))
 
 
 def with_values(scene: Scene, numbers: Sequence[Number], values: Iterable[float]) -> Scene:

@@ -3,7 +3,6 @@
 Workers write the chunks of level 0. The others are made of it, one row of chunks at a time.
 """
 
-import errno
 import os
 import secrets
 from collections.abc import Iterator
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from .libraries import require
-from .store import remove
+from .store import check_seen, remove
 
 # Pixels along the side of a chunk
 CHUNK = 256
@@ -56,9 +55,7 @@ def new_pyramid(
 
 def write_band(path: str, first: int, pixels: np.ndarray) -> None:
     """Write a band of rows of level 0, of whole chunks but for the last one."""
-    if not Path(path).is_dir():
-        missing = "is no folder on this worker; all workers have to see it"
-        raise FileNotFoundError(errno.ENOENT, missing, path)
+    check_seen(Path(path))
     require("zarr").open_group(path, mode="r+")["0"][first : first + len(pixels)] = pixels
 
 

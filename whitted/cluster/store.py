@@ -159,6 +159,13 @@ def marks(path: Path) -> dict[int, int]:
     }
 
 
+def check_seen(path: Path) -> None:
+    """Refuse to write into a store that is not there, as on a worker without the shared folder."""
+    if not path.is_dir():
+        missing = "is no folder on this worker; all workers have to see it"
+        raise FileNotFoundError(errno.ENOENT, missing, str(path))
+
+
 def write(
     path: Path, plan: Plan, task: int, blocks: dict[str, np.ndarray], partly: bool = False
 ) -> None:
@@ -167,9 +174,7 @@ def write(
     Raises:
         OSError: the disk is full, say; or the store is not there.
     """
-    if not path.is_dir():
-        missing = "is no folder on this worker; all workers have to see it"
-        raise FileNotFoundError(errno.ENOENT, missing, str(path))
+    check_seen(path)
     group = require("zarr").open_group(str(path), mode="r+")
     first, count = plan.pictures(task)
     for name, block in blocks.items():

@@ -67,7 +67,7 @@ class Objective:
     def labels(self) -> list[str]:
         """A name for each number."""
         shapes = zip(self.names, self.shapes, strict=True)
-        return [_label(name, place) for name, shape in shapes for place in np.ndindex(shape)]
+        return [label_of(name, place) for name, shape in shapes for place in np.ndindex(shape)]
 
     def _at(self, x: np.ndarray) -> list[Linearised]:
         """All views' images, with derivatives in any directions; those of the last x are kept."""
@@ -208,7 +208,7 @@ class Objective:
         return gain * column + image * np.divide(change, power, out=np.zeros(3), where=power > 0)
 
 
-def _label(name: str, place: tuple[int, ...]) -> str:
+def label_of(name: str, place: tuple[int, ...]) -> str:
     """The name of a number: of a vector, and of a cloud, its place is told."""
     sphere, axis = (place[:1], place[1:]) if name.startswith("clouds.") else ((), place)
     return ".".join([name, *map(str, sphere), *("xyz"[k] for k in axis)])

@@ -14,7 +14,7 @@ from ..tracing.primary import CameraFrame, image_ray
 class Film:
     """A band of rows of an image.
 
-    All but the first three numbers are opaque to kernels, so that one kernel serves every image;
+    All but the first four fields are opaque to kernels, so that one kernel serves every image;
     but images of one sample a pixel have kernels of their own, without a loop over samples.
     """
 
