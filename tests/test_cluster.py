@@ -283,7 +283,7 @@ def test_data_comes_before_its_mark(whole, tmp_path, monkeypatch, moment):
         raise Killed
 
     with monkeypatch.context() as patch:
-        name = ("write", "_to_disk", "record_failures")[moment]
+        name = ("write", "_to_disk", "finish")[moment]
         patch.setattr(store, name, die)
         with pytest.raises(Killed):
             sweep(tmp_path / "a.zarr")
@@ -356,20 +356,24 @@ def test_a_task_that_fails_three_times_is_recorded(whole, tmp_path, monkeypatch)
     assert contents(path) == contents(whole)
 
 
-def test_a_picture_that_the_scene_refuses_is_recorded(tmp_path, capsys):
-    """The rest of its task is rendered; --resume looks again, and says the same."""
+@pytest.mark.parametrize("batch", [1, 3])
+def test_a_picture_that_the_scene_refuses_is_recorded(tmp_path, capsys, batch):
+    """The rest is rendered, of its task or of others; --resume looks again, and says the same."""
     ball().save(tmp_path / "ball.toml")
     words = ["sweep", str(tmp_path / "ball.toml"), "-o", str(tmp_path / "a.zarr")]
     words += ["--vary", "camera.position.z=3,0,2", "--vary", "camera.position.y=0.8,0,0.5"]
+    words += ["--batch", str(batch)]
     for more in ([], ["--resume"]):
         assert run([*words, *more]) == 3
         out, error = capsys.readouterr()
-        assert "3 pictures, 1 of them missing, 1 of 1 tasks now" in out
+        tasks = 3 // batch
+        now = 1 if more else tasks
+        assert f"3 pictures, 1 of them missing, {now} of {tasks} tasks now" in out
         assert error.startswith("picture 1 (camera.position.z = 0, camera.position.y = 0): camera.")
         assert error.count("\n") == 1
     group = zarr.open_group(str(tmp_path / "a.zarr"), mode="r")
     assert np.isnan(group["image"][:]).all(axis=(1, 2, 3)).tolist() == [False, True, False]
-    assert group["done"][:].tolist() == [2]
+    assert group["done"][:].tolist() == {1: [1, 2, 1], 3: [2]}[batch]
 
 
 # The engine
@@ -620,10 +624,20 @@ def test_a_chunk_that_is_gone_is_rendered_again(whole, tmp_path):
         sweep(copy, resume=True)
 
 
+def test_what_killed_processes_have_not_renamed_is_removed(whole, tmp_path):
+    copy = tmp_path / "copy.zarr"
+    shutil.copytree(whole, copy)
+    (copy / "done" / "c" / "3").unlink()
+    for left in ("done/c/3", "image/c/3/0/0/0", "zarr.json"):
+        (copy / left).with_suffix(".0a1b2c.partial").write_bytes(b"half")
+    assert sweep(copy, resume=True).rendered == 1
+    assert contents(copy) == contents(whole)
+
+
 def test_a_thousand_failures_are_recorded(whole, tmp_path):
     copy = tmp_path / "copy.zarr"
     shutil.copytree(whole, copy)
-    store.record_failures(copy, [{"picture": k} for k in range(1005)])
+    store.finish(copy, [{"picture": k} for k in range(1005)])
     failed = zarr.open_group(str(copy), mode="r").attrs["failed"]
     assert failed[-2:] == [{"picture": 999}, {"more": 5}]
 

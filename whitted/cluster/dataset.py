@@ -180,7 +180,7 @@ def carry_out(
             raise
         kept = "; what is done is kept, and resume goes on" if path.exists() else ""
         raise OSError(error.errno, f"{error.strerror}{kept}", str(path)) from error
-    store.record_failures(path, failed)
+    store.finish(path, failed)
     return SweepResult(path, plan.count, plan.tasks, rendered, failed)
 
 

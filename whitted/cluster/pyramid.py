@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from .libraries import require
-from .store import check_seen, remove
+from .store import check_seen, remove, remove_partial
 
 # Pixels along the side of a chunk
 CHUNK = 256
@@ -48,6 +48,8 @@ def new_pyramid(
         yield temporary
         for level in range(1, len(levels)):
             _halve(group, level)
+        for folder in (temporary / "0" / "c").iterdir():
+            remove_partial(folder)
         temporary.rename(path)
     finally:
         remove(temporary)

@@ -175,17 +175,21 @@ def write(
         OSError: the disk is full, say; or the store is not there.
     """
     check_seen(path)
-    group = require("zarr").open_group(str(path), mode="r+")
+    zarr = require("zarr")
+    group = zarr.open_group(str(path), mode="r+")
     first, count = plan.pictures(task)
     for name, block in blocks.items():
-        group[name][first : first + count] = block
-        _to_disk(path / name / "c" / str(task), block.ndim - 1)
+        # Also where the scene has refused all pictures
+        with zarr.config.set({"array.write_empty_chunks": True}):
+            group[name][first : first + count] = block
+        file = path.joinpath(name, "c", str(task), *["0"] * (block.ndim - 1))
+        _to_disk(file)
+        remove_partial(file.parent)
     group[MARKS][task] = PARTLY if partly else WHOLE
 
 
-def _to_disk(folder: Path, depth: int) -> None:
+def _to_disk(file: Path) -> None:
     """Wait until a chunk is on the disk, so that no power failure leaves a mark without it."""
-    file = folder.joinpath(*["0"] * depth)
     for path in (file, file.parent):
         handle = os.open(path, os.O_RDONLY)
         try:
@@ -194,7 +198,21 @@ def _to_disk(folder: Path, depth: int) -> None:
             os.close(handle)
 
 
-def record_failures(path: Path, failures: Sequence[dict[str, Any]]) -> None:
+def remove_partial(folder: Path) -> None:
+    """Remove what Zarr had not yet renamed where a process was killed."""
+    for entry in os.scandir(folder):
+        if entry.name.endswith(".partial"):
+            Path(entry).unlink(missing_ok=True)
+
+
+def finish(path: Path, failures: Sequence[dict[str, Any]]) -> None:
+    """Note the pictures that are missing; remove what killed processes have left."""
+    _record_failures(path, failures)
+    for folder in (path, path / MARKS / "c"):
+        remove_partial(folder)
+
+
+def _record_failures(path: Path, failures: Sequence[dict[str, Any]]) -> None:
     """Note the pictures that are missing, and why; nothing is noted where none are."""
     group = require("zarr").open_group(str(path), mode="r+")
     known = dict(group.attrs)
