@@ -16,6 +16,7 @@ from ..scene.scene import Scene
 from ..shapes.sets import Hit
 from ..tracing.intersect import closest_hit
 from ..tracing.node import Limits, Node, visit
+from ..tracing.record import Hits
 from ..tracing.recursion import walk
 from ..tracing.shading import emitted
 from ..tracing.surface import surface
@@ -79,13 +80,18 @@ def attached(direction: Direction, node: Node, tangent: Tangent) -> tuple[object
 
 
 def radiance_jvp(
-    directions: Sequence[Direction], ray: Ray, slopes: RaySlopes, limits: Limits
+    directions: Sequence[Direction],
+    ray: Ray,
+    slopes: RaySlopes,
+    limits: Limits,
+    hits: Hits | None = None,
 ) -> tuple[Array, ...]:
     """The derivatives of radiance along rays, in some directions of parameter space.
 
     Args:
         directions: of one scene, with unit vectors for its directions; at least one.
         slopes: of the rays, in each direction.
+        hits: what the rays have met, if it is known.
 
     Returns:
         Array3f for each direction, the tangent of `recursion.radiance`.
@@ -105,7 +111,8 @@ def radiance_jvp(
         return tuple(found)
 
     def step(moving, result):
-        hit = closest_hit(scene, moving.node.ray)
+        node = moving.node
+        hit = hits(node) if hits is not None else closest_hit(scene, node.ray)
         if these is None:
             found = light(dark, moving, hit)
         else:

@@ -19,6 +19,7 @@ from ..scene.scene import Scene
 from ..shapes.sets import Hit
 from ..tracing.intersect import closest_hit
 from ..tracing.node import BOTH, FIRST, MOVES, Limits, Node, Visit, visit
+from ..tracing.record import Hits
 from ..tracing.scatter import Branch, scatter
 from ..tracing.shading import emitted
 from ..tracing.surface import surface
@@ -50,6 +51,7 @@ def radiance_vjp(
     seed: Array,
     limits: Limits,
     moves: bool = True,
+    hits: Hits | None = None,
 ) -> tuple[Parameters, Array, Array]:
     """The derivatives of dot(seed, radiance) along rays.
 
@@ -60,13 +62,14 @@ def radiance_vjp(
             in its lane.
         seed: Array3f, the adjoint of `recursion.radiance`.
         moves: whether derivatives by the rays are of use.
+        hits: what the rays have met, if it is known.
 
     Returns:
         The sums with these rays' derivatives added, and the derivatives by the rays' origins and
         directions.
     """
     these = None if moves else changed(scene, wide)
-    return walk_back(Tree(scene, wide, seed, limits, these), sums, ray)
+    return walk_back(Tree(scene, wide, seed, limits, these, hits), sums, ray)
 
 
 @dataclass
@@ -137,6 +140,7 @@ class Tree:
     seed: Array
     limits: Limits
     changed: Changed | None  # what changes; None if all does, or if the first ray moves
+    hits: Hits | None  # what rays meet, if it is known
 
     def attached(self, node: Node) -> tuple[Scene, Node, dict[str, Array]]:
         """The scene, the node and the parameters, with fresh gradients."""
@@ -184,7 +188,7 @@ class Tree:
     def arrive(self, place, stack, sums):
         """Trace a ray: differentiate the light of its surface, then go on with its first child."""
         node, moves = place.node, place.moves
-        hit = closest_hit(self.scene, node.ray)
+        hit = self.hits(node) if self.hits is not None else closest_hit(self.scene, node.ray)
         if self.changed is not None:
             moves = moves | self.changed.among(self.scene, hit.index)
         scene, there, _ = self.attached(node)

@@ -15,7 +15,8 @@ import drjit as dr
 
 from ..core.arrays import Array
 from ..tracing.node import visit
-from .events import classify, has_rooted_outline
+from ..tracing.record import Hits
+from .events import classify, has_rooted_outline, reaching
 from .locate import end_levels
 from .motion import Edge
 from .paths import bright_below, strongest_difference
@@ -37,15 +38,18 @@ class Between:
     edge: Edge
 
 
-def edge_between(shot: Shot, line: Line, least: Array) -> Between:
+def edge_between(
+    shot: Shot, line: Line, least: Array, hits: tuple[Hits | None, Hits | None]
+) -> Between:
     """The edge between the samples at the two ends of a short line.
 
     Args:
         least: the least weight of the nodes whose light counts.
+        hits: of the nodes of each sample, where they are known.
     """
     scene, limits = shot.scene, shot.limits
     ends = shot.ray(line, type(line.x)(0)), shot.ray(line, line.length)
-    flip = strongest_difference(scene, *ends, limits)
+    flip = strongest_difference(scene, *ends, limits, hits)
     pair, nodes = flip.pair, (flip.pair.a, flip.pair.b)
     sides = [visit(scene, node, limits, hit) for node, hit in zip(nodes, flip.hits, strict=True)]
     event = classify(scene, *sides)
@@ -55,11 +59,14 @@ def edge_between(shot: Shot, line: Line, least: Array) -> Between:
     along = line.length * dr.select(crosses, here / apart, 0.5)
 
     edge = Edge(pair.path, event)
-    slopes = slopes_of(shot, line, along, edge, FADING_BETWEEN)
+    slopes = slopes_of(shot, line, along, edge, FADING_BETWEEN, reaching(scene, hits[0]))
     finite = dr.isfinite(along) & dr.isfinite(slopes.along) & dr.isfinite(slopes.across)
     valid = crosses & finite & (slopes.along != 0)
     weight, _, change = areas(line, along, slopes, valid)
-    here, there = (bright_below(scene, seen, limits, least) for seen in sides)
+    here, there = (
+        bright_below(scene, seen, limits, least, known)
+        for seen, known in zip(sides, hits, strict=True)
+    )
     rooted = valid & has_rooted_outline(scene, event) & (pair.weight >= 2 * limits.faint)
     share = dr.select(rooted, weight, 0)
     x, y = line.at(along)

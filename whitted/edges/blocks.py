@@ -9,7 +9,7 @@ that of every other sample, as on the squares of one colour of a chessboard (`re
 """
 
 from collections.abc import Iterator
-from functools import cached_property
+from functools import cached_property, reduce
 
 import drjit as dr
 import numpy as np
@@ -18,13 +18,14 @@ from drjit.llvm import ad
 from ..core.arrays import Array
 from ..core.host import chunks, stacked, to_lanes, to_numpy
 from ..sampling.band import Band
+from ..tracing.record import MOST_NODES, Record
 from . import kernels, settings
 from .between import Between
-from .correction import MovingPoints
+from .correction import Met, MovingPoints, Traced
 from .labels import labels_differ
 from .pairs import walk_order
 from .quadrature import Extra
-from .refinement import crowd_side, crowds_everywhere
+from .refinement import crowd_side_of
 from .slopes import Line
 from .tables import deposit
 
@@ -33,14 +34,24 @@ def coarse_blocks(band: Band, pixels: np.ndarray) -> list["Block"]:
     """Begin to trace the pixels where edges crowd, with half as many samples along a side as the
     image has there, but at least `settings.COARSE_SIDE`.
     """
-    side = crowd_side(band.side, crowds_everywhere(band))
-    return _blocks(band, pixels, min(max(side // 2, settings.COARSE_SIDE), side))
+    return _blocks(band, pixels, coarse_side(band))
+
+
+def coarse_side(band: Band) -> int:
+    """Samples along the side of a pixel where edges crowd, in derivatives."""
+    side = crowd_side_of(band)
+    return min(max(side // 2, settings.COARSE_SIDE), side)
+
+
+def block_means(coarse: list["Block"]) -> np.ndarray:
+    """The pixels' radiance: (N, 3). Sums are in the order of `crowd_means`."""
+    return np.concatenate([block.means() for block in coarse])
 
 
 def with_finer(coarse: list["Block"]) -> Iterator["Block"]:
     """The blocks with those that are busy taken out, and sampled as finely as the image is."""
     for block in coarse:
-        side, finer = crowd_side(block.band.side, crowds_everywhere(block.band)), []
+        side, finer = crowd_side_of(block.band), []
         block.find_pairs()
         if block.side < side:
             finer = _blocks(block.band, block.drop_busy(), side)
@@ -77,10 +88,21 @@ class Block:
         self.inner = self._inner()
         traced, self.number = self._traced()
         place = band.lanes(self.x.take(traced), self.y.take(traced))
+        self.record = self._record(dr.width(place))
         bright = dr.opaque(ad.Bool, True)
-        self.color, self.label = kernels.labelled_samples(*band.inputs, *place, bright)
+        found = kernels.labelled_samples(*band.inputs, *place, bright, self.record)
+        self.color, self.label = found
         self.kept = np.ones(len(pixels), bool)
         self.pairs: tuple[np.ndarray, ...] = ()
+
+    def _record(self, samples: int) -> Record | None:
+        """What the samples will meet, where it is kept."""
+        structure = self.band.structure
+        nodes = self.band.limits.capacity if structure.reflects else 1
+        fits = samples * nodes <= MOST_NODES
+        if structure.recorded and fits:
+            return Record.of(structure.precision, samples, nodes)
+        return None
 
     def _inner(self) -> np.ndarray:
         """For each place in a ring, the place of the same sample inside of another block; where no
@@ -124,19 +146,28 @@ class Block:
         self.pairs = tuple(column.take(here) for column in self.pairs)
         return self.pixels[~self.kept]
 
-    def samples_and_edges(self, edges: list[MovingPoints]) -> Extra:
+    def samples_and_edges(self, edges: list[MovingPoints]) -> Traced:
         """The samples of the interior term; the edges are added to a list."""
         # Kernels run while their successors' inputs are made
         place, part = self._parts()
-        found = [(*pairs, self._between(*pairs[:2])) for pairs in self._in_order()]
+        found = [(*pairs, *self._between(*pairs[:2])) for pairs in self._in_order()]
         taken = np.zeros(len(self.x), self.band.dtype)
         edges += [self._edges(*own, taken) for own in found]
-        return self._samples(place, part, taken)
+        samples = self._samples(place, part, taken)
+        return Traced(samples, self.number.take(place), self.record)
 
     @cached_property
     def labels(self) -> np.ndarray:
         """The label at each place."""
         return self.label.numpy().take(self.number)
+
+    def means(self) -> np.ndarray:
+        """The pixels' radiance: (N, 3)."""
+        color = stacked(to_numpy(self.color), self.number).reshape(3, *self.shape)
+        inside = range(1, self.side + 1)
+        rows = reduce(np.add, (color[..., column] for column in inside))
+        total: np.ndarray = reduce(np.add, (rows[..., row] for row in inside))
+        return total.T / self.side**2
 
     def find_pairs(self) -> None:
         """Find neighbours across edges that matter: their places, and their contrast."""
@@ -195,22 +226,31 @@ class Block:
         )
         lanes = band.lanes(self.x.take(place), self.y.take(place), place)
         traced = to_lanes(self.number)
-        inputs = *band.inputs, *lanes, below, step, self.color, self.label, traced
-        return place, kernels.representative(*inputs)
+        samples = self.color, self.label, traced, self.record
+        return place, kernels.representative(*band.inputs, *lanes, below, step, *samples)
 
-    def _between(self, a: np.ndarray, b: np.ndarray) -> Between:
-        """The edges between neighbours."""
+    def _between(self, a: np.ndarray, b: np.ndarray) -> tuple[Between, Met]:
+        """The edges between neighbours, and what the first of these have met."""
         length = np.full(len(a), 1 / self.side, self.band.dtype)
         line = Line(*self.band.lanes(self.x.take(a), self.y.take(a), b - a > 1, length))
-        return kernels.edges_between(*self.band.inputs, line)
+        ends = self.band.lanes(self.number.take(a), self.number.take(b))
+        found = kernels.edges_between(*self.band.inputs, line, *ends, self.record)
+        return found, () if self.record is None else (ends[0], self.record)
 
     def _edges(
-        self, a: np.ndarray, b: np.ndarray, places: np.ndarray, found: Between, taken: np.ndarray
+        self,
+        a: np.ndarray,
+        b: np.ndarray,
+        places: np.ndarray,
+        found: Between,
+        met: Met,
+        taken: np.ndarray,
     ) -> MovingPoints:
         """The edges between neighbours. What a pixel gets of them has one order in all bands.
 
         Args:
             places: of `_in_order`.
+            found, met: of `_between`.
             taken: of all samples, the part that moves with edges; it is added to.
         """
         share, moved = (
@@ -228,7 +268,7 @@ class Block:
             changes.append((moved * (ends >= 0)).sum(0))
         pixel, change = np.stack(pixels), np.stack(changes)
         edge = vars(found.edge.path) | vars(found.edge.event)
-        return MovingPoints(found.x, found.y, pixel, change, found.jump, edge)
+        return MovingPoints(found.x, found.y, pixel, change, found.jump, edge, met)
 
     def _samples(self, place: np.ndarray, part: Array, taken: np.ndarray) -> Extra:
         """The samples of the interior term.

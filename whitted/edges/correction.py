@@ -18,6 +18,7 @@ from ..sampling.band import Band, Inputs
 from ..sampling.film import Film
 from ..scene.structure import Structure
 from ..tracing.node import Limits
+from ..tracing.record import Record
 from . import kernels, settings
 from .bounds import Cut, places_among
 from .events import Event
@@ -31,9 +32,11 @@ TERMS = ("both", "interior", "boundary")
 Columns = dict[str, np.ndarray]
 FilmInputs = tuple[Structure, Apart, Film, Limits, Parameters]
 Part = TypeVar("Part", Path, Event)
+# The numbers of samples in a record, and the record; or nothing
+Met = tuple[()] | tuple[Array, Record]
 # Tangents of parameters, for each direction
 Directions = Sequence[Parameters]
-# The fields of `MovingPoints` but for `edge`
+# The first fields of `MovingPoints`
 COLUMNS = ("x", "y", "pixel", "change", "jump")
 # Fields of materials that weigh rays
 WEIGHTS = (".reflection", ".refraction")
@@ -52,12 +55,13 @@ class MovingPoints:
     change: np.ndarray  # (2, N), in units of the jump
     jump: np.ndarray  # (3, N)
     edge: Columns
+    met: Met = ()  # the samples beside them
 
     def some(self, which: np.ndarray) -> "MovingPoints":
         """Some of the points, by number."""
         edge = {name: column.take(which) for name, column in self.edge.items()}
-        columns = {name: getattr(self, name).take(which, -1) for name in COLUMNS}
-        return MovingPoints(**columns, edge=edge)
+        x, y, pixel, change, jump = (getattr(self, name).take(which, -1) for name in COLUMNS)
+        return MovingPoints(x, y, pixel, change, jump, edge)
 
     def of_one_pixel(self, k: int, cut: Cut) -> "MovingPoints":
         """The points as far as they change their pixel k, in channels that were not cut off."""
@@ -69,6 +73,15 @@ class MovingPoints:
         return replace(self, pixel=pixel, change=change, jump=np.where(here, 0, self.jump))
 
 
+@dataclass(frozen=True)
+class Traced:
+    """Samples that were traced before."""
+
+    extra: Extra
+    number: np.ndarray  # of each among all that were traced with it
+    record: Record | None  # what these have met
+
+
 @dataclass
 class Correction:
     """What edges change about a band's samples, and how the edges move."""
@@ -77,6 +90,7 @@ class Correction:
     # What the band's regular samples still count for, row by row of samples
     weights: Array | None = None
     extra: list[Extra] = field(default_factory=list)
+    traced: list[Traced] = field(default_factory=list)
     edges: list[MovingPoints] = field(default_factory=list)
 
     def by_weight(self, wrt: Parameters) -> tuple[Parameters, Parameters]:
@@ -102,18 +116,26 @@ class Correction:
             if names:
                 yield (band.structure, band.parameters, film, band.limits, names), weights
 
-    def extras(self, wrt: Parameters) -> Iterator[tuple[Extra, Inputs, Parameters]]:
+    def extras(self, wrt: Parameters) -> Iterator[tuple[Extra, Inputs, Parameters, Met]]:
         """The extra samples, as many at once as a kernel takes, with its inputs and parameters."""
         found, _ = self.by_weight(wrt)
-        if not self.extra or not found:
+        if not found:
             return
-        whole = concatenated(self.extra)
-        order = np.argsort(whole.order, kind="stable")
         # Derivatives by a weight need faint rays as well
         all_rays = any(name.endswith(WEIGHTS) for name in found)
         inputs = self.band.inputs if all_rays else self._without_dim_rays()
-        for part in chunks(len(order), settings.LANES):
-            yield rows_of(whole, order[part]), inputs, found
+        known = [one for one in self.traced if one.record is not None and not all_rays]
+        extra = self.extra + ([] if known else [one.extra for one in self.traced])
+        if extra:
+            whole = concatenated(extra)
+            order = np.argsort(whole.order, kind="stable")
+            for part in chunks(len(order), settings.LANES):
+                yield rows_of(whole, order[part]), inputs, found, ()
+        for one in known:
+            for part in chunks(len(one.number), settings.LANES):
+                which = np.arange(part.start, part.stop)
+                met = *self.band.lanes(one.number[part]), one.record
+                yield rows_of(one.extra, which), inputs, found, met
 
     def _without_dim_rays(self) -> Inputs:
         """A kernel's inputs for samples that count for a part of a pixel.
@@ -145,8 +167,8 @@ class Correction:
             slopes = film_kernels.image_jvp(*first, _only(first[-1], directions), weights)
             for image, slope in zip(images, slopes, strict=True):
                 image += slope.numpy()
-        for extra, inputs, found in self.extras(wrt):
-            place = self.band.lanes(extra.x, extra.y)
+        for extra, inputs, found, met in self.extras(wrt):
+            place = *self.band.lanes(extra.x, extra.y), *met
             slopes = points.samples_jvp(*inputs, found, _only(found, directions), *place)
             for image, slope in zip(images, slopes, strict=True):
                 channels = stacked(to_numpy(slope), slice(len(extra.x)))
@@ -159,6 +181,7 @@ class Correction:
             count = edges.pixel.shape[1]
             place = self.band.lanes(edges.x, edges.y)
             inputs = *self.band.inputs, wrt, _only(wrt, directions), *place, _edge(edges.edge)
+            inputs += edges.met
             jump = [np.array(channel, copy=False)[:count] for channel in edges.jump]
             for image, slope in zip(images, kernels.levels_jvp(*inputs), strict=True):
                 moves = slope.numpy()[:count]
@@ -185,9 +208,9 @@ class Correction:
     ) -> Iterator[Callable[[], Parameters]]:
         for first, weights in self.regular(wrt):
             yield partial(film_kernels.image_vjp, *first, image, weights)
-        for extra, inputs, found in self.extras(wrt):
+        for extra, inputs, found, met in self.extras(wrt):
             lanes = self.band.lanes(_unsigned(extra.pixel), extra.weight, extra.x, extra.y)
-            yield partial(points.samples_vjp, *inputs, found, image, *lanes)
+            yield partial(points.samples_vjp, *inputs, found, image, *lanes, *met)
 
     def _boundary_adjoints(
         self, wrt: Parameters, image: Array
@@ -198,7 +221,8 @@ class Correction:
             change = band.structure.precision.vector2(*band.lanes(*edges.change))
             place = band.lanes(edges.x, edges.y)
             points_on_edges = changed, change, band.color(edges.jump), *place, _edge(edges.edge)
-            yield partial(kernels.levels_vjp, *band.inputs, wrt, image, *points_on_edges)
+            inputs = *band.inputs, wrt, image, *points_on_edges, *edges.met
+            yield partial(kernels.levels_vjp, *inputs)
 
 
 def _only(wrt: Parameters, directions: Directions) -> tuple[Parameters, ...]:
@@ -209,8 +233,10 @@ def _only(wrt: Parameters, directions: Directions) -> tuple[Parameters, ...]:
 def joined(parts: list[MovingPoints]) -> MovingPoints:
     """Several sets of points as one."""
     edge = {name: np.concatenate([p.edge[name] for p in parts]) for name in parts[0].edge}
-    columns = {name: np.concatenate([getattr(p, name) for p in parts], -1) for name in COLUMNS}
-    return MovingPoints(**columns, edge=edge)
+    x, y, pixel, change, jump = (
+        np.concatenate([getattr(p, name) for p in parts], -1) for name in COLUMNS
+    )
+    return MovingPoints(x, y, pixel, change, jump, edge)
 
 
 def _unsigned(pixel: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 
@@ -23,6 +23,7 @@ from ..scene.scene import Scene
 from ..scene.texture import coordinates
 from ..shapes.sets import Hit, pick
 from ..tracing.node import Limits, Node, Visit
+from ..tracing.record import Hits
 from ..tracing.scatter import scatter
 from ..tracing.shadow import incident, shadowing
 from ..tracing.surface import Surface, boards, surface
@@ -57,10 +58,26 @@ class Event:
 
     def hit(self, scene: Scene, ray: Ray) -> Hit:
         """Where a ray meets the primitive of the event, or just misses it."""
-        shape = pick(scene.sets, self.on, scene.background)
-        on = ray.source == self.on
-        t = shape.of(lambda x: x.reach(ray, on, self.inside))
-        return Hit(dr.detach(t), self.on, self.inside)
+        return reached(scene, ray, self.on, self.inside)
+
+
+def reached(scene: Scene, ray: Ray, index: Array, inside: Array) -> Hit:
+    """Where a ray meets a primitive, or just misses it."""
+    shape, on = pick(scene.sets, index, scene.background), ray.source == index
+    t = shape.of(lambda x: x.reach(ray, on, inside))
+    return Hit(dr.detach(t), index, inside)
+
+
+def reaching(scene: Scene, beside: Hits | None) -> Hits | None:
+    """What finds the hits of rays that meet the same primitives as rays beside them."""
+    if beside is None:
+        return None
+
+    def hit(node: Node) -> Hit:
+        other = beside(node)
+        return reached(scene, node.ray, other.index, other.inside)
+
+    return hit
 
 
 def _meets(scene: Scene, ray: Ray, index: Array) -> Array:
@@ -116,13 +133,18 @@ def _classify_light(
     changes = here.lights[k] != there.lights[k]
     one, two = (incident(scene, each, k, all_sides=True) for each in (at, to))
     shadow_ends = changes & (one.dark != two.dark)
+    if at.hit.shadows is not None:
+        # What is in between was not looked for on a side that is turned away
+        shadow_ends &= (one.cosine > 0) & (two.cosine > 0)
     if here.veils:
         dims = here.veils[k] != there.veils[k]
         changes, shadow_ends = changes | dims, shadow_ends | dims
     event.set(changes, Kind.TERMINATOR, light=uint(k))
     best = uint(NONE), type(event.border)(-math.inf)
+    rays = (replace(each.ray, wanted=each.ray.wanted & shadow_ends) for each in (one, two))
+    a, b = rays
     for primitives in scene.sets:
-        best = primitives.flipped(one.ray, two.ray, shadowing(scene, "full", "part"), best)
+        best = primitives.flipped(a, b, shadowing(scene, "full", "part"), best)
     event.set(shadow_ends, Kind.SHADOW, other=best[0])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from ..core.arrays import Array
 from ..sampling.band import Band
 from . import settings
-from .blocks import coarse_blocks, with_finer
+from .blocks import Block, coarse_blocks, with_finer
 from .bounds import Cut
 from .correction import Columns, Correction, MovingPoints, joined
 from .events import Kind
@@ -40,6 +40,7 @@ class Found:
     crossed: list[Crossed]
     lost: np.ndarray  # numbers of samples beside which there are edges that were not found
     cut: Cut
+    coarse: list[Block] | None  # samples of crowds, if the image has taken them
 
     @cached_property
     def correction(self) -> Correction:
@@ -50,7 +51,7 @@ class Found:
         """
         band, result = self.band, Correction(self.band)
         # Its kernels run while other things are done
-        coarse = coarse_blocks(band, self.crowded)
+        coarse = coarse_blocks(band, self.crowded) if self.coarse is None else self.coarse
         # The part of each sample that edges take away, by the number of the sample
         shape = (band.rows + 2) * band.side, (band.resolution[0] + 2) * band.side
         first = shape[0] * shape[1]
@@ -67,7 +68,7 @@ class Found:
         if self.fine is not None:
             result.extra.append(_inside(self.fine, 1 - taken[first:]))
         for block in with_finer(coarse):
-            result.extra.append(block.samples_and_edges(result.edges))
+            result.traced.append(block.samples_and_edges(result.edges))
         result.weights = self._weights(taken[:first].reshape(shape))
         return result
 

@@ -4,9 +4,13 @@ Each runs in a frozen function. All but the first have one lane for each of thei
 of inputs may differ from call to call.
 """
 
+from dataclasses import replace
+from functools import partial
+
 import drjit as dr
 from drjit.llvm import ad
 
+from ..autodiff.forward import Direction, radiance_jvp
 from ..core.arrays import Array, Parameters
 from ..core.frozen import frozen
 from ..core.pytree import leaves, like
@@ -18,35 +22,50 @@ from ..scene.features import weights_vary
 from ..scene.structure import Structure
 from ..tracing.node import Limits
 from ..tracing.primary import image_ray
+from ..tracing.record import Record
 from . import settings
 from .between import Between, edge_between
-from .labels import labelled_radiance
+from .events import reaching
+from .labels import labelled_in_parts, labelled_radiance
 from .locate import Crossing, Segment, cross
 from .motion import Edge, level_jvp, level_vjp
 from .paths import partial_light
 from .representation import representation
-from .slopes import Line, Shot
+from .slopes import Line, Shot, image_slopes
+
+
+def crowds_everywhere(structure: Structure) -> bool:
+    """Whether nearly all pixels are crowds, as among many spheres."""
+    return structure.in_tree > settings.MOST_SEARCHED
 
 
 @frozen
 def labelled_image(
     structure: Structure, parameters: Parameters, film: Film, limits: Limits
-) -> tuple[Array, Array]:
-    """A band's pixels, and the labels of its samples and of those in its margin, row by row."""
+) -> tuple[Array, ...]:
+    """A band's pixels, and the labels of its samples and of those in its margin, row by row.
+
+    Where crowds are everywhere, the light of dim rays alone is the second image.
+    """
     scene, frame = prepare(structure, parameters, film.size)
     labels = dr.empty(ad.UInt64 if weights_vary(scene) else ad.UInt32, film.labels)
     row = (film.width + 2 * film.margin) * film.side
     # Labels depend on the order of nodes, which some levels in front of a loop would change
     levels = min(limits.levels, 1) if limits.loops else limits.levels
+    in_parts = structure.reflects and crowds_everywhere(structure)
 
     def of_sample(x, y, i, j):
         ray = sample_ray(frame, film, x, y, i, j)
-        color, label = labelled_radiance(scene, ray, limits, levels=levels)
+        if in_parts:
+            *colors, label = labelled_in_parts(scene, ray, limits, _dim(limits), levels)
+        else:
+            *colors, label = labelled_radiance(scene, ray, limits, levels=levels)
         place = ((y + film.margin) * film.side + j) * row + (x + film.margin) * film.side + i
         dr.scatter(labels, label, ad.UInt32(place))
-        return (color,)
+        return tuple(colors)
 
-    return *accumulate(film, of_sample, type(scene.background), writes=True), labels
+    images = accumulate(film, of_sample, type(scene.background), 1 + in_parts, writes=True)
+    return *images, labels
 
 
 @frozen
@@ -87,25 +106,42 @@ def labelled_samples(
     x: Array,
     y: Array,
     bright: Array,
+    record: Record | None = None,
 ) -> tuple[Array, Array]:
     """Radiance of samples at image positions, and their labels.
 
     Args:
         bright: Bool: without that of dim rays.
+        record: of the samples, to be filled in.
     """
     scene, frame = prepare(structure, parameters, size)
-    least = dr.select(bright, _dim(limits), 0)
-    color, label = labelled_radiance(scene, image_ray(frame, size, x, y), limits, least)
+    least, lane = dr.select(bright, _dim(limits), 0), dr.arange(ad.UInt32, dr.width(x))
+    note = partial(record.write, lane) if record is not None else None
+    ray = image_ray(frame, size, x, y)
+    color, label = labelled_radiance(scene, ray, limits, least, note=note)
     return in_lanes(x, color), in_lanes(x, label)
 
 
 @frozen
 def edges_between(
-    structure: Structure, parameters: Parameters, size: Array, limits: Limits, line: Line
+    structure: Structure,
+    parameters: Parameters,
+    size: Array,
+    limits: Limits,
+    line: Line,
+    a: Array,
+    b: Array,
+    record: Record | None,
 ) -> Between:
-    """The edges between samples that are close to each other."""
+    """The edges between samples that are close to each other.
+
+    Args:
+        a, b: the numbers of the samples at the ends of the lines.
+        record: of all samples that were traced.
+    """
     shot = Shot(*prepare(structure, parameters, size), size, limits)
-    found = edge_between(shot, line, _dim(limits))
+    hits = (None, None) if record is None else (record.hits(a), record.hits(b))
+    found = edge_between(shot, line, _dim(limits), hits)
     return like(found, [in_lanes(line.x, array) for array in leaves(found)])
 
 
@@ -123,6 +159,7 @@ def representative(
     color: Array,
     label: Array,
     number: Array,
+    record: Record | None,
 ) -> Array:
     """How well samples' derivatives stand for their cells, as `representation` says.
 
@@ -132,19 +169,26 @@ def representative(
         step: the distance of neighbours.
         color, label: of all samples that were traced.
         number: for each place, the number of its sample among those.
+        record: of those samples.
     """
-    scene, frame = prepare(structure, parameters, size)
+    shot = Shot(*prepare(structure, parameters, size), size, limits)
 
-    def aside(dx, dy):
-        ray = image_ray(frame, size, x + dx, y + dy)
-        return labelled_radiance(scene, ray, limits, _dim(limits))
+    def numbered(where):
+        return dr.gather(type(number), number, where, place > 0)
 
     def traced(where):
-        which = dr.gather(type(number), number, where, place > 0)
+        which = numbered(where)
         return tuple(dr.gather(type(of), of, which, place > 0) for of in (color, label))
 
+    least = _dim(limits)
+    if limits.importance is not None:
+        least = dr.fmax(least, limits.importance)
+    hits = None if record is None else record.hits(numbered(place))
+    at_rest = [Direction(shot.scene, {})] * 2
+    rays = image_slopes(shot, (x, y))
+    slopes = radiance_jvp(at_rest, *rays, replace(limits, importance=least), hits)
     around = [(traced(place - way), traced(place + way)) for way in (1, row)]
-    return in_lanes(x, representation(traced(place), around, aside, step))
+    return in_lanes(x, representation(traced(place), around, slopes, step))
 
 
 def _dim(limits: Limits) -> Array:
@@ -174,11 +218,18 @@ def levels_jvp(
     x: Array,
     y: Array,
     edge: Edge,
+    number: Array | None = None,
+    record: Record | None = None,
 ) -> tuple[Array, ...]:
-    """The derivatives of edges' level functions along some tangents of the parameters `wrt`."""
+    """The derivatives of edges' level functions along some tangents of the parameters `wrt`.
+
+    Args:
+        number: of a sample beside each edge in a record, if there is one.
+    """
     moving = Forward(structure, parameters, size, wrt, tangents)
     rays = moving.rays(lambda frame: image_ray(frame, size, x, y))
-    slopes, _ = level_jvp(moving.directions, *rays, limits, edge)
+    hits = None if record is None else reaching(moving.directions[0].scene, record.hits(number))
+    slopes, _ = level_jvp(moving.directions, *rays, limits, edge, hits)
     return tuple(in_lanes(x, slope.level) for slope in slopes)
 
 
@@ -196,19 +247,23 @@ def levels_vjp(
     x: Array,
     y: Array,
     edge: Edge,
+    number: Array | None = None,
+    record: Record | None = None,
 ) -> Parameters:
     """The derivatives by `wrt` of dot(adjoint, pixels), where edges change the pixels.
 
     Args:
         pixels: Array2u, the two pixels that an edge changes.
         change: Array2f, by how much of the jump.
+        number: as that of `levels_jvp`.
     """
     lanes = dr.width(x)
     reverse = Reverse(structure, parameters, size, wrt, dr.zeros(type(x), lanes))
     seed = sum(change[k] * dr.dot(of_pixel(structure, adjoint, pixels[k]), jump) for k in range(2))
 
     def walk(scene, sums, wide, ray):
-        return level_vjp(scene, sums, wide, ray, seed, limits, edge)
+        hits = None if record is None else reaching(scene, record.hits(number))
+        return level_vjp(scene, sums, wide, ray, seed, limits, edge, hits)
 
     sums = reverse.add(reverse.zeros(lanes), lambda frame: image_ray(frame, size, x, y), walk)
     return reverse.gradients(sums)

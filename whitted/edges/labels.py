@@ -9,7 +9,7 @@ neighbours without an edge. Labels then have two halves, of nodes above one weig
 another: where an edge is, both differ.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +23,7 @@ from ..scene.scene import Scene
 from ..tracing.media import relative_index
 from ..tracing.node import Limits, Node, Visit, visit
 from ..tracing.optics import transmission
-from ..tracing.recursion import walk
+from ..tracing.recursion import Step, walk
 from ..tracing.shading import blinn_phong, emitted, highlight
 from ..tracing.shadow import Incident, incident
 from ..tracing.surface import Surface, any_of, boards
@@ -155,13 +155,19 @@ def heavy(seen: Visit, least: Array | None) -> list[Array]:
 
 
 def labelled_radiance(
-    scene: Scene, ray: Ray, limits: Limits, least: Array | None = None, levels: int = 0
+    scene: Scene,
+    ray: Ray,
+    limits: Limits,
+    least: Array | None = None,
+    levels: int = 0,
+    note: Callable[[Visit], None] | None = None,
 ) -> tuple[Array, Array]:
     """Radiance along rays, and the labels of their trees.
 
     Args:
         least: the least weight of the nodes whose light counts; below that of those in labels.
         levels: of straight code, as in `walk`.
+        note: as that of `recursion.radiance`.
     """
 
     def step(node: Node, state: tuple[Array, Halves]) -> tuple:
@@ -169,10 +175,37 @@ def labelled_radiance(
         light, label = state
         label = with_node(scene, seen, label, limits)
         light = dr.fma(node.weight, emitted(scene, node.ray, seen.at), light)
+        if note is not None:
+            note(seen)
         return (light, label), seen.children, heavy(seen, least)
 
-    width = dr.width(ray)
-    state = dr.zeros(type(ray.o), width), first_label(scene, limits, width)
+    dark = dr.zeros(type(ray.o), dr.width(ray))
+    return _labelled(scene, ray, limits, dark, step, levels)
+
+
+def labelled_in_parts(
+    scene: Scene, ray: Ray, limits: Limits, least: Array, levels: int
+) -> tuple[Array, Array, Array]:
+    """Radiance along rays, the part of it from nodes that weigh less than `least`, and labels."""
+
+    def step(node: Node, state: tuple[tuple[Array, Array], Halves]) -> tuple:
+        seen = visit(scene, node, limits)
+        (light, dim), label = state
+        label, own = with_node(scene, seen, label, limits), emitted(scene, node.ray, seen.at)
+        dim = dr.fma(dr.select(dr.abs(node.weight) < least, node.weight, 0), own, dim)
+        light = dr.fma(node.weight, own, light)
+        return ((light, dim), label), seen.children, seen.traced
+
+    dark = dr.zeros(type(ray.o), dr.width(ray))
+    light, label = _labelled(scene, ray, limits, (dark, dark + 0), step, levels)
+    return *light, label
+
+
+def _labelled(
+    scene: Scene, ray: Ray, limits: Limits, dark: Any, step: Step, levels: int
+) -> tuple[Any, Array]:
+    """What a walk finds that begins in the dark, and labels."""
+    state = dark, first_label(scene, limits, dr.width(ray))
     root = Node.first(scene, ray)
     light, label = walk(scene, limits, root, state, step, "labelled_radiance", levels)
     return light, joined(label)

@@ -131,7 +131,7 @@ def _locate(shot: Shot, segment: Segment) -> tuple[Array, Edge, Array]:
     """
     scene, limits = shot.scene, shot.limits
     rays = shot.ray(segment, segment.start), shot.ray(segment, segment.stop)
-    flip = strongest_difference(scene, *rays, limits).pair
+    flip = strongest_difference(scene, *rays, limits, (None, None)).pair
     path = flip.path
     low, high, a, b = _halve(shot, segment, path, flip.a, flip.b)
     event = classify(scene, visit(scene, a, limits), visit(scene, b, limits))

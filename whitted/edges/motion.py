@@ -13,6 +13,7 @@ from ..core.ray import Ray
 from ..scene.features import reflects
 from ..scene.scene import Scene
 from ..tracing.node import FIRST, Limits, Node, visit
+from ..tracing.record import Hits, hit_of
 from .events import Event, board_place, level_function
 from .paths import Path
 
@@ -36,9 +37,17 @@ class Slope:
 
 
 def level_jvp(
-    directions: Sequence[Direction], ray: Ray, slopes: RaySlopes, limits: Limits, edge: Edge
+    directions: Sequence[Direction],
+    ray: Ray,
+    slopes: RaySlopes,
+    limits: Limits,
+    edge: Edge,
+    hits: Hits | None,
 ) -> tuple[list[Slope], Ray]:
     """The derivatives of an event's level function in some directions, as `radiance_jvp`.
+
+    Args:
+        hits: on the way to the event's node, where they are known.
 
     Returns:
         The derivatives in each direction, and the ray that arrives at the event's node.
@@ -48,10 +57,10 @@ def level_jvp(
     state = first, [Tangent.first(first, o, d) for o, d in slopes], edge.path.bounces > 0
 
     def bounce(node, ahead, active):
-        following = []
+        following, hit = [], hit_of(node, hits)
         for direction, tangent in zip(directions, ahead, strict=True):
             inputs, there, moving = attached(direction, node, tangent)
-            seen = visit(there, moving, limits)
+            seen = visit(there, moving, limits, hit)
             branch, _ = edge.path.onward(seen)
             child = seen.child(branch)
             push_forward(inputs)
@@ -81,9 +90,14 @@ def level_vjp(
     seed: Array,
     limits: Limits,
     edge: Edge,
+    hits: Hits | None,
 ) -> tuple[dict[str, Array], Array, Array]:
-    """The derivatives of seed * (an event's level function), in reverse mode, as `radiance_vjp`."""
-    return walk_back(_Chain(scene, wide, seed, limits, None, edge), sums, ray)
+    """The derivatives of seed * (an event's level function), in reverse mode, as `radiance_vjp`.
+
+    Args:
+        hits: of `level_jvp`.
+    """
+    return walk_back(_Chain(scene, wide, seed, limits, None, hits, edge), sums, ray)
 
 
 @dataclass(frozen=True)
@@ -102,7 +116,7 @@ class _Chain(Tree):
 
     def onward(self, place, stack, sums):
         node = place.node
-        seen = visit(self.scene, node, self.limits)
+        seen = visit(self.scene, node, self.limits, hit_of(node, self.hits))
         hit = seen.at.hit
         branch, first = self.edge.path.onward(seen)
         link = node.link.of(hit.index, hit.inside, node.depth).marked(FIRST, first)

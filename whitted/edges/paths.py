@@ -15,6 +15,7 @@ from ..scene.features import reflects
 from ..scene.scene import Scene
 from ..shapes.sets import Hit
 from ..tracing.node import BELOW, ON, Limits, Node, Visit, visit
+from ..tracing.record import Hits, hit_of
 from ..tracing.recursion import walk
 from ..tracing.scatter import Branch
 from ..tracing.shading import emitted
@@ -108,13 +109,19 @@ def contrasted(scene: Scene, ray: Ray, path: Path, limits: Limits) -> tuple[Arra
     return light, joined(label)
 
 
-def bright_below(scene: Scene, root: Visit, limits: Limits, least: Array) -> Array:
-    """Radiance of a node and of what is below it and weighs enough, times the weights."""
+def bright_below(
+    scene: Scene, root: Visit, limits: Limits, least: Array, hits: Hits | None
+) -> Array:
+    """Radiance of a node and of what is below it and weighs enough, times the weights.
+
+    Args:
+        hits: of the nodes below it, where they are known.
+    """
     known = [root]
 
     def step(node, light):
         # The straight code of the root comes first, and only once
-        seen = known.pop() if known else visit(scene, node, limits)
+        seen = known.pop() if known else visit(scene, node, limits, hit_of(node, hits))
         light = dr.fma(seen.node.weight, emitted(scene, seen.node.ray, seen.at), light)
         return light, seen.children, heavy(seen, least)
 
@@ -182,10 +189,15 @@ class Flip:
     hits: tuple[Hit, Hit]  # of the two rays
 
 
-def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> Flip:
+def strongest_difference(
+    scene: Scene, a: Ray, b: Ray, limits: Limits, hits: tuple[Hits | None, Hits | None]
+) -> Flip:
     """The node of the largest weight at which the trees of two rays decide differently.
 
     Both trees are walked at once.
+
+    Args:
+        hits: of the nodes of each ray, where they are known.
 
     Returns:
         The two rays that arrive at the node; their weight is 0 where there is no such node.
@@ -195,7 +207,10 @@ def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> Flip:
     root = Pair.of(first, second, dr.zeros(long, dr.width(first)))
 
     def step(pair, best):
-        left, right = visit(scene, pair.a, limits), visit(scene, pair.b, limits)
+        left, right = (
+            visit(scene, node, limits, hit_of(node, known))
+            for node, known in zip((pair.a, pair.b), hits, strict=True)
+        )
         differ = decisions_differ(decide(scene, left), decide(scene, right))
         differ &= pair.weight >= limits.faint
         here = Flip(pair, (left.at.hit, right.at.hit))
@@ -215,5 +230,5 @@ def strongest_difference(scene: Scene, a: Ray, b: Ray, limits: Limits) -> Flip:
     zero = dr.zeros(type(first.weight), dr.width(first))
     nothing = Node(first.o + 0, first.d + 0, zero, first.link.copy())
     pair = Pair(nothing, second.o + 0, second.d + 0, zero + 0, root.turns + 0)
-    none = Flip(pair, (Hit.none(zero), Hit.none(zero)))
+    none = Flip(pair, (Hit.none(zero, hits[0] is not None), Hit.none(zero, hits[1] is not None)))
     return walk(scene, limits, root, none, step, "strongest_difference")

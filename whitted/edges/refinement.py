@@ -37,17 +37,18 @@ def crowd_side(side: int, everywhere: bool = False) -> int:
     return 2 * side if everywhere else {1: 4, 2: 10, 3: 12}.get(side, 4 * side)
 
 
-def crowds_everywhere(band: Band) -> bool:
-    """Whether nearly all pixels are crowds, as among many spheres."""
-    return band.structure.in_tree > settings.MOST_SEARCHED
+def crowd_side_of(band: Band) -> int:
+    """The same for the pixels of a band."""
+    return crowd_side(band.side, kernels.crowds_everywhere(band.structure))
 
 
 def searches_crowds(band: Band) -> bool:
     """Whether derivatives have crowds searched for their edges, like other pixels."""
-    return band.side >= settings.SEARCHED_SIDE and not crowds_everywhere(band)
+    everywhere = kernels.crowds_everywhere(band.structure)
+    return band.side >= settings.SEARCHED_SIDE and not everywhere
 
 
-def crowd_means(band: Band, pixels: np.ndarray) -> Callable[[], np.ndarray]:
+def crowd_means(band: Band, pixels: np.ndarray, dim: bool) -> Callable[[], np.ndarray]:
     """Begin to trace pixels where edges crowd.
 
     Dim rays have few edges that are seen. They are left out of the finer samples; their light is
@@ -55,13 +56,14 @@ def crowd_means(band: Band, pixels: np.ndarray) -> Callable[[], np.ndarray]:
 
     Args:
         pixels: numbers in the band.
+        dim: with the light of dim rays.
 
     Returns:
         A function that waits for the pixels' radiance: (N, 3).
     """
-    dense = crowd_side(band.side, crowds_everywhere(band))
+    dense = crowd_side_of(band)
     # By the samples along a pixel's side, Bool: of dim rays
-    grids = [(dense, False), *([(band.side, True)] if band.structure.reflects else [])]
+    grids = [(dense, False), *([(band.side, True)] if dim else [])]
     parts = list(chunks(len(pixels), settings.SAMPLES // dense**2))
     traced = [_rows(band, pixels[part], grids) for part in parts]
 
@@ -97,14 +99,17 @@ def _rows_of(band: Band, pixels: np.ndarray, side: int, dim: bool) -> tuple[np.n
 
 
 def pixels_to_refine(
-    samples: Samples, ends: np.ndarray, everywhere: bool = False
+    samples: Samples, ends: np.ndarray, everywhere: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """The pixels of a band to sample anew, in order: where edges meet, and where they crowd.
 
     Args:
         ends: (2, N), the pixels of neighbours with different labels.
-        everywhere: as of `crowd_side`.
+        everywhere: as of `crowd_side`. With one sample a pixel, all pixels with edges are crowds.
     """
+    if everywhere and samples.side == 1:
+        touched = np.unique(ends)
+        return touched[:0], touched[touched >= 0]
     pixels = candidates(ends, samples.side)
     count = label_counts(samples, pixels)
     most = settings.MEETING[samples.side > 1]

@@ -12,13 +12,13 @@ neighbours confirm. Where an edge is between a sample and a neighbour, all that 
 radiance cannot change by more than there is.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import drjit as dr
 
 from ..core.arrays import Array
 from .labels import labels_differ
-from .settings import MOST_CHANGE, STEP_ASIDE
+from .settings import MOST_CHANGE
 
 # Radiance and label of a sample
 Sample = tuple[Array, Array]
@@ -27,7 +27,7 @@ Sample = tuple[Array, Array]
 def representation(
     own: Sample,
     around: Sequence[tuple[Sample, Sample]],
-    aside: Callable[[float, float], Sample],
+    slopes: Sequence[Array],
     step: Array,
 ) -> Array:
     """The part, from 0 to 1, of a sample's derivative that stands for its cell.
@@ -35,23 +35,16 @@ def representation(
     Args:
         own: the sample.
         around: its neighbours to the left and to the right, and those above and below.
-        aside: traces a sample at a distance from this one.
+        slopes: of its radiance in the image, to the right and down, per pixel.
         step: the distance of the neighbours.
     """
     most = dr.max(own[0]) * MOST_CHANGE / step
     confirmed, squared = type(most)(0), type(most)(0)
-    known = dr.mask_t(most)(False)
-    ways = (STEP_ASIDE, 0), (0, STEP_ASIDE)
-    for (before, behind), way in zip(around, ways, strict=True):
-        color, label = aside(*way)
-        smooth = ~labels_differ(label, own[1])
-        slope = dr.select(smooth, (color - own[0]) / STEP_ASIDE, 0)
-        known |= smooth
+    for (before, behind), slope in zip(around, slopes, strict=True):
         confirmed += dr.dot(slope, _mean_slope(own, before, behind, slope, most, step))
         squared += dr.squared_norm(slope)
-    part = dr.select(squared > 0, dr.fmin(dr.fmax(confirmed / squared, 0), 1), 1)
-    # So close to an edge that its own slope is not known
-    return dr.select(known, part, 0)
+    # Beside a silhouette a slope may not be finite; then the part is 0
+    return dr.select(squared == 0, 1, dr.fmin(dr.fmax(confirmed / squared, 0), 1))
 
 
 def _mean_slope(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import drjit as dr
 import numpy as np
@@ -11,6 +12,7 @@ from ..core.arrays import Array
 from ..core.host import chunks, stacked, to_numpy
 from ..sampling.band import Band
 from . import kernels, settings
+from .blocks import Block, block_means, coarse_blocks, coarse_side
 from .bounds import Cut, cut_off, numbers_of
 from .found import Crossed, Found, columns_of
 from .grid import (
@@ -25,8 +27,7 @@ from .locate import Crossing, Segment
 from .pairs import Crossings, Moves, Pairs, interleaved, pairs_of
 from .refinement import (
     crowd_means,
-    crowd_side,
-    crowds_everywhere,
+    crowd_side_of,
     finer_side,
     pixels_to_refine,
     searches_crowds,
@@ -45,13 +46,14 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
             the other.
     """
     inputs = band.structure, band.parameters, band.film(margin=1), band.limits
-    flat, labels = kernels.labelled_image(*inputs)
+    flat, *dim, labels = kernels.labelled_image(*inputs)
     image, side, width = flat.numpy(), band.side, band.resolution[0]
     grid = labels.numpy().reshape((band.rows + 2) * side, -1)
     few_alike = band.structure.few_alike
     samples = band_samples(grid, side, band.first_row, few_alike)
     neighbours = neighbours_across_edges(samples)
-    anew = pixels_to_refine(samples, neighbours[-1], crowds_everywhere(band))
+    everywhere = kernels.crowds_everywhere(band.structure)
+    anew = pixels_to_refine(samples, neighbours[-1], everywhere)
     searched = keep and searches_crowds(band)
     parts = list(_parts(band, neighbours[-1], *anew, searched))
     found = []
@@ -69,10 +71,17 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
             search = _Search(part, keep, pixels, samples, np.union1d(meet, crowd), crowd[:0])
         else:
             search = _Search(part, keep, pixels, samples, meet, crowd)
-        means = crowd_means(part, crowd) if crowd.size else None
+        if keep and everywhere and coarse_side(part) == crowd_side_of(part):
+            # The derivatives' samples are those of the image
+            search.coarse = coarse_blocks(part, crowd)
+            means: Callable[[], np.ndarray] = partial(block_means, search.coarse)
+        else:
+            means = crowd_means(part, crowd, band.structure.reflects and not dim)
         search.run(*neighbours)
-        if means is not None:
+        if crowd.size:
             pixels.reshape(-1, 3)[crowd] = means()
+            for lights in dim:
+                pixels.reshape(-1, 3)[crowd] += lights.numpy().reshape(-1, 3)[crowd + start]
         if keep:
             found.append(search.found())
         # Parts cost about the same, however many rows they have
@@ -94,7 +103,7 @@ def _parts(
         searched: crowds are searched as well.
     """
     finer, width = finer_side(band.side) ** 2, band.resolution[0]
-    dense = finer if searched else crowd_side(band.side, crowds_everywhere(band)) ** 2 // 16
+    dense = finer if searched else crowd_side_of(band) ** 2 // 16
     if ends.shape[1] + finer * refined.size + dense * crowded.size <= settings.SEARCHED:
         yield 0, band.rows
         return
@@ -132,6 +141,7 @@ class _Search:
         # Single samples beside edges that are not found. With more samples such edges are slight
         self.lost: list[np.ndarray] = [np.zeros(0, np.int64)]
         self.cut: Cut = np.zeros(0, np.int64), np.zeros((3, 0), bool)
+        self.coarse: list[Block] | None = None  # samples of crowds, if the image takes them
 
     def run(self, a: np.ndarray, b: np.ndarray, ends: np.ndarray) -> None:
         """Correct the image.
@@ -161,7 +171,7 @@ class _Search:
         """What the derivatives of the pixels need."""
         lost = np.concatenate(self.lost)
         anew = self.refined, self.fine, self.crowded
-        return Found(self.band, *anew, self.crossed, lost, self.cut)
+        return Found(self.band, *anew, self.crossed, lost, self.cut, self.coarse)
 
     def trace(
         self, fine: Samples, places: np.ndarray

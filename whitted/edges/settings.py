@@ -75,10 +75,9 @@ BUSY = 1
 # Samples along the side of a pixel where edges crowd, at least, in derivatives.
 COARSE_SIDE = 4
 # The part of the cell of a sample inside a silhouette that moves with the silhouette.
-ROOTED_PART = 0.6
-# How far aside the slope of a sample's radiance is looked at, in pixels; and how much radiance may
-# change from a sample to a neighbour behind an edge, as a part of its own.
-STEP_ASIDE, MOST_CHANGE = 2.0**-9, 1 / 4
+ROOTED_PART = 0.3
+# How much radiance may change from a sample to a neighbour behind an edge, as a part of its own.
+MOST_CHANGE = 1 / 4
 
 # Pairs of samples and finer samples that are searched at once, about. More take more memory, and
 # keep Ctrl-C waiting.

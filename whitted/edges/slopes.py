@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import drjit as dr
 
-from ..autodiff.forward import Direction
+from ..autodiff.forward import Direction, RaySlopes
 from ..autodiff.propagate import push_forward
 from ..core.arrays import Array
 from ..core.numerics import smooth_step
@@ -12,6 +12,7 @@ from ..core.ray import Ray
 from ..scene.scene import Scene
 from ..tracing.node import Limits
 from ..tracing.primary import CameraFrame, image_ray
+from ..tracing.record import Hits
 from ..tracing.surface import boards
 from .events import Kind, board_place, crease_cosines
 from .motion import Edge, level_jvp
@@ -62,8 +63,26 @@ class Slopes:
     cosines: tuple[Array, Array]
 
 
+def image_slopes(shot: Shot, at: tuple[Array, Array]) -> tuple[Ray, RaySlopes]:
+    """The rays through some image positions, and their slopes as these move right and down."""
+    slopes = []
+    for axis in range(2):
+        at = dr.detach(at)
+        dr.enable_grad(at[axis])
+        ray = image_ray(shot.frame, shot.size, *at)
+        dr.set_grad(at[axis], 1)
+        push_forward(at[axis])
+        slopes.append((dr.grad(ray.o), dr.grad(ray.d)))
+    return dr.detach(ray), slopes
+
+
 def slopes_of(
-    shot: Shot, line: Line, along: Array, edge: Edge, fading: tuple[float, float, float]
+    shot: Shot,
+    line: Line,
+    along: Array,
+    edge: Edge,
+    fading: tuple[float, float, float],
+    hits: Hits | None = None,
 ) -> Slopes:
     """The slopes of an edge's level function, by moving the image position.
 
@@ -71,18 +90,11 @@ def slopes_of(
         fading: up to how many cells of a checkerboard from one sample to the next an edge's motion
             counts in full, from how many on it does not count, and from which distance on, in
             cells; up to half that distance, it always counts in full.
+        hits: of `level_jvp`.
     """
-    slopes = []
-    for axis in range(2):
-        at = dr.detach(line.at(along))
-        dr.enable_grad(at[axis])
-        ray = image_ray(shot.frame, shot.size, *at)
-        dr.set_grad(at[axis], 1)
-        push_forward(at[axis])
-        slopes.append((dr.grad(ray.o), dr.grad(ray.d)))
-    still, limits = dr.detach(ray), shot.limits
     at_rest = [Direction(shot.scene, {})] * 2
-    (right, down), arriving = level_jvp(at_rest, still, slopes, limits, edge)
+    rays = image_slopes(shot, line.at(along))
+    (right, down), arriving = level_jvp(at_rest, *rays, shot.limits, edge, hits)
     vertical, length = line.vertical, line.length
     turn = dr.norm(dr.select(vertical, down.turn, right.turn)) * length
     on, other = crease_cosines(shot.scene, arriving, edge.event)

@@ -20,6 +20,7 @@ from ..scene.features import branches_out
 from ..scene.scene import Scene
 from ..scene.structure import Structure
 from ..tracing.node import Limits
+from ..tracing.record import MOST_NODES, Record
 
 # Samples in a band: enough to keep all cores busy, and few enough to report progress, and to stop,
 # between two bands
@@ -40,6 +41,9 @@ class Job:
     progress: Callable[[float], None] | None
     rows: tuple[int, int] | None = None  # the first row and their number [default: all]
     unroll: int | None = None  # levels of trees in straight code [default: what pays]
+    keep: bool = False  # what the derivatives need
+    # What rays have met, by the first row of a band
+    records: dict[int, Record] = field(default_factory=dict)
 
     @property
     def limits(self) -> Limits:
@@ -87,7 +91,15 @@ class Job:
         return Band(*inputs, self.resolution, first, rows, self.side)
 
     def image(self) -> Array:
-        return self._assemble(lambda *rows: [kernels.image(*self._inputs(*rows))])[0]
+        return self._assemble(lambda *rows: [self._pixels(*rows)])[0]
+
+    def _pixels(self, first: int, rows: int) -> Array:
+        inputs, samples = self._inputs(first, rows), self.side**2
+        all_nodes = self.resolution[0] * self.span[1] * samples * self.max_depth
+        if self.keep and self.scene.structure.recorded and all_nodes <= MOST_NODES:
+            samples *= inputs[2].lanes
+            self.records[first] = Record.of(self.scene.precision, samples, self.max_depth)
+        return kernels.image(*inputs, self.records.get(first))
 
     def tangents(self, wrt: Parameters, directions: Sequence[Parameters]) -> list[Array]:
         """The image's derivatives along some tangents of the parameters `wrt`."""
@@ -115,7 +127,8 @@ class Job:
         return total or {}
 
     def _adjoint(self, first: int, rows: int, wrt: Parameters, part: Array) -> Parameters:
-        return kernels.image_vjp(*self._inputs(first, rows), wrt, part)
+        record = self.records.get(first)
+        return kernels.image_vjp(*self._inputs(first, rows), wrt, part, None, record)
 
     def _inputs(self, first: int, rows: int) -> tuple[Structure, Apart, Film, Limits]:
         band = self.band(first, rows)
@@ -155,7 +168,6 @@ class BoundaryJob(Job):
     """An image with its edges; what is known of them is kept for the derivatives."""
 
     terms: str = "both"
-    keep: bool = False
     # By the first row of a band
     found: dict[int, list[Found]] = field(default_factory=dict)
 

@@ -15,7 +15,7 @@ import numpy as np
 from ..core.arrays import Array, Parameters
 from ..core.derivatives import LOCK, operation
 from ..core.interrupts import heed, held
-from ..edges.correction import TERMS
+from ..edges.correction import TERMS, WEIGHTS
 from ..scene.features import branches_out
 from ..scene.scene import MAX_DEPTH, Scene
 from .job import BoundaryJob, Job
@@ -109,8 +109,11 @@ def _job_of(
     wrt = {name: value for name, value in parameters.items() if dr.grad_enabled(value)}
     still = dr.detach(parameters) if wrt else parameters
     about = scene, still, size, int(max_depth or scene.max_depth), side, progress, part, unroll
-    job = BoundaryJob(*about, terms=terms, keep=bool(wrt)) if boundary else Job(*about)
-    return job, wrt
+    if boundary:
+        return BoundaryJob(*about, bool(wrt), terms=terms), wrt
+    # Derivatives by a weight of 0 take rays that the image does not trace
+    keep = bool(wrt) and not any(name.endswith(WEIGHTS) for name in wrt)
+    return Job(*about, keep), wrt
 
 
 def check_levels(scene: Scene, unroll: object) -> None:

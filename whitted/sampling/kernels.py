@@ -5,6 +5,7 @@ structure comes again.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import drjit as dr
@@ -16,6 +17,7 @@ from ..core.arrays import Array, Parameters
 from ..core.frozen import frozen
 from ..scene.structure import Structure
 from ..tracing.node import Limits
+from ..tracing.record import Record
 from ..tracing.recursion import radiance
 from .differentiated import Forward, Reverse, prepare
 from .film import Film, next_sample, pixel, sample_ray
@@ -65,12 +67,24 @@ def accumulate(
 
 
 @frozen
-def image(structure: Structure, parameters: Parameters, film: Film, limits: Limits) -> Array:
-    """A band's pixels, row-major with RGB interleaved."""
+def image(
+    structure: Structure,
+    parameters: Parameters,
+    film: Film,
+    limits: Limits,
+    record: Record | None = None,
+) -> Array:
+    """A band's pixels, row-major with RGB interleaved.
+
+    Args:
+        record: of the film's samples, to be filled in.
+    """
     scene, frame = prepare(structure, parameters, film.size)
+    lane = dr.arange(ad.Int, film.lanes)
 
     def of_sample(x, y, i, j):
-        return (radiance(scene, sample_ray(frame, film, x, y, i, j), limits),)
+        note = partial(record.write, _number(film, lane, i, j)) if record is not None else None
+        return (radiance(scene, sample_ray(frame, film, x, y, i, j), limits, note),)
 
     return accumulate(film, of_sample, type(scene.background))[0]
 
@@ -112,11 +126,13 @@ def image_vjp(
     wrt: Parameters,
     adjoint: Array,
     weights: Array | None = None,
+    record: Record | None = None,
 ) -> Parameters:
     """The derivatives of dot(adjoint, image) by the parameters `wrt`.
 
     Args:
         weights: as those of `image_jvp`.
+        record: of the film's samples.
     """
     real, color = structure.precision.real, structure.precision.vector
     lanes = min(film.lanes, REVERSE_LANES)
@@ -130,8 +146,10 @@ def image_vjp(
         seed = dr.gather(color, adjoint, place, valid) * (film.step * film.step)
         seed = seed if weights is None else seed * _weight(film, weights, x, y, i, j)
 
+        hits = record.hits(_number(film, index, i, j)) if record is not None else None
+
         def walk(scene, sums, wide, ray):
-            return radiance_vjp(scene, sums, wide, ray, seed, limits, reverse.frame_moves)
+            return radiance_vjp(scene, sums, wide, ray, seed, limits, reverse.frame_moves, hits)
 
         sums = reverse.add(sums, lambda frame: sample_ray(frame, film, x, y, i, j), walk)
         i, j = next_sample(film, i, j)
@@ -143,6 +161,11 @@ def image_vjp(
     state = dr.arange(ad.Int, lanes), zero, zero, reverse.zeros(lanes), dr.ones(ad.Bool, lanes)
     sums = dr.while_loop(state, lambda *s: s[-1], sample, mode="symbolic", label="samples")[3]
     return reverse.gradients(sums)
+
+
+def _number(film: Film, lane: Array, i: Array, j: Array) -> Array:
+    """The number of a lane's sample (i, j) in a record."""
+    return ad.UInt32((j * film.side + i) * film.count + lane)
 
 
 def _weight(film: Film, weights: Array, x: Array, y: Array, i: Array, j: Array) -> Array:

@@ -13,6 +13,7 @@ from ..core.frozen import frozen
 from ..scene.structure import Structure
 from ..tracing.node import Limits
 from ..tracing.primary import image_ray
+from ..tracing.record import Record
 from .differentiated import Forward, Reverse
 
 # The pixel of what is outside of the band
@@ -38,11 +39,19 @@ def samples_jvp(
     tangents: tuple[Parameters, ...],
     x: Array,
     y: Array,
+    number: Array | None = None,
+    record: Record | None = None,
 ) -> tuple[Array, ...]:
-    """The derivatives of radiance at image positions along tangents of the parameters `wrt`."""
+    """The derivatives of radiance at image positions along tangents of the parameters `wrt`.
+
+    Args:
+        number: of each sample in a record, if there is one.
+    """
     moving = Forward(structure, parameters, size, wrt, tangents)
     rays = moving.rays(lambda frame: image_ray(frame, size, x, y))
-    return tuple(in_lanes(x, slope) for slope in radiance_jvp(moving.directions, *rays, limits))
+    hits = None if record is None else record.hits(number)
+    slopes = radiance_jvp(moving.directions, *rays, limits, hits)
+    return tuple(in_lanes(x, slope) for slope in slopes)
 
 
 @frozen
@@ -57,19 +66,24 @@ def samples_vjp(
     weight: Array,
     x: Array,
     y: Array,
+    number: Array | None = None,
+    record: Record | None = None,
 ) -> Parameters:
     """The derivatives by `wrt` of dot(adjoint, pixels), where samples add to the pixels.
 
     Args:
         pixel: the pixel that each sample adds to, or NOWHERE.
         weight: what the sample counts for in it.
+        number: of the sample in a record, if there is one.
     """
     lanes = dr.width(x)
     reverse = Reverse(structure, parameters, size, wrt, dr.zeros(type(x), lanes))
     seed = weight * of_pixel(structure, adjoint, pixel)
 
+    hits = None if record is None else record.hits(number)
+
     def walk(scene, sums, wide, ray):
-        return radiance_vjp(scene, sums, wide, ray, seed, limits, reverse.frame_moves)
+        return radiance_vjp(scene, sums, wide, ray, seed, limits, reverse.frame_moves, hits)
 
     sums = reverse.add(reverse.zeros(lanes), lambda frame: image_ray(frame, size, x, y), walk)
     return reverse.gradients(sums)

@@ -128,3 +128,9 @@ def shadow(scene: "Contents", material: Material) -> Literal["full", "part", "no
     if material.name in scene.features.shadowless:
         return "none"
     return "part" if may(scene, material, "shadow") else "full"
+
+
+def can_be_recorded(scene: "Contents") -> bool:
+    """Whether rays form chains, and a bit for each light tells what keeps it away."""
+    full = all(shadow(scene, material) != "part" for material in scene.used)
+    return full and not branches_out(scene) and len(scene.lights) < 32

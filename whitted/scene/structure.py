@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ..core.arrays import Array
 from ..core.pytree import put_together, take_apart
 from ..shapes.many import ManySpheres
-from .features import Features, reflects
+from .features import Features, can_be_recorded, reflects
 from .many import OF_MANY, materials_of_many
 from .parameters import Location
 
@@ -32,6 +32,8 @@ class Structure:
         # How many spheres a tree finds. With some, few trees of rays are equal
         self.in_tree = scene.sources[-1].rows.stop if scene.sources else 0
         self.few_alike = self.in_tree > 0
+        # What rays meet there is kept for derivatives
+        self.recorded = self.in_tree > 0 and can_be_recorded(scene)
         self.precision = scene.precision
         materials = _places(scene.materials)
         changed: dict[str, Any] = {

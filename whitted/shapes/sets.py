@@ -28,13 +28,16 @@ class Hit:
     t: Array  # distance, infinite for a ray that leaves the scene
     index: Array  # UInt32: number of the primitive, or NONE
     inside: Array  # Bool: the ray travelled in the primitive that it hit
+    # UInt32: a bit for each light that something keeps away, where that is known already
+    shadows: Array | None = None
 
     @staticmethod
-    def none(like: Array) -> "Hit":
+    def none(like: Array, with_shadows: bool = False) -> "Hit":
         """Of rays that leave the scene, as many as a real array has lanes."""
         width, uint = dr.width(like), dr.uint32_array_t(like)
         t, number = dr.full(type(like), dr.inf, width), dr.full(uint, NONE, width)
-        return Hit(t, number, dr.full(dr.mask_t(like), False, width))
+        shadows = dr.zeros(uint, width) if with_shadows else None
+        return Hit(t, number, dr.full(dr.mask_t(like), False, width), shadows)
 
 
 def nearer(

@@ -34,7 +34,7 @@ from ..core.ray import Ray
 from ..core.stack import Stack
 from ..scene.features import branches_out, reflects
 from ..scene.scene import Scene
-from .node import Limits, Node, visit
+from .node import Limits, Node, Visit, visit
 from .shading import emitted
 
 State = TypeVar("State")
@@ -43,13 +43,16 @@ State = TypeVar("State")
 Step = Callable[[Any, State], tuple[State, list[Any], list[Array]]]
 
 
-def radiance(scene: Scene, ray: Ray, limits: Limits) -> Array:
+def radiance(
+    scene: Scene, ray: Ray, limits: Limits, note: Callable[[Visit], None] | None = None
+) -> Array:
     """Radiance along rays.
 
     Args:
         scene: with unit vectors for its directions, and no gradients (`autodiff` has those).
         ray: a wavefront of rays.
         limits: where the recursion ends.
+        note: called with each node, once the light of its surface is known.
 
     Returns:
         Array3f, linear RGB.
@@ -58,6 +61,8 @@ def radiance(scene: Scene, ray: Ray, limits: Limits) -> Array:
     def step(node: Node, light: Array) -> tuple[Array, list[Node], list[Array]]:
         seen = visit(scene, node, limits)
         light = dr.fma(node.weight, emitted(scene, node.ray, seen.at), light)
+        if note is not None:
+            note(seen)
         return light, seen.children, seen.traced
 
     dark = dr.zeros(type(ray.o), dr.width(ray))

@@ -56,6 +56,8 @@ def _incident(scene: Scene, at: Surface, number: int, all_sides: bool) -> Incide
         cosine = dr.select(along, 0, cosine)
     wanted = at.hits if all_sides else at.hits & (dr.detach(cosine) > 0)
     ray = shadow_ray(scene, at, toward, wanted, number)
+    if at.hit.shadows is not None:
+        return Incident(toward, cosine, ray, (at.hit.shadows & (1 << number)) != 0, None, None)
     sets = dr.detach(scene).sets
     blocked = dr.mask_t(cosine)(False)
     full = shadowing(scene, "full")
