@@ -36,7 +36,7 @@ class Found:
     band: Band
     refined: np.ndarray  # the pixels whose finer samples were searched, in order
     fine: Samples | None  # their samples
-    crowded: np.ndarray  # the pixels where edges crowd, and were not searched, in order
+    crowded: np.ndarray  # the pixels where edges crowd, and were not searched
     crossed: list[Crossed]
     lost: np.ndarray  # numbers of samples beside which there are edges that were not found
     cut: Cut

@@ -48,6 +48,16 @@ def searches_crowds(band: Band) -> bool:
     return band.side >= settings.SEARCHED_SIDE and not everywhere
 
 
+def in_tiles(band: Band, pixels: np.ndarray) -> np.ndarray:
+    """Pixels in tiles of 2 x 2, so that samples that are traced together are close to each other.
+
+    The order is the same in all bands.
+    """
+    row, column = np.divmod(pixels, band.resolution[0])
+    row = row + band.first_row
+    return pixels.take(np.lexsort((column & 1, row & 1, column >> 1, row >> 1)))
+
+
 def crowd_means(band: Band, pixels: np.ndarray, dim: bool) -> Callable[[], np.ndarray]:
     """Begin to trace pixels where edges crowd.
 
@@ -108,8 +118,11 @@ def pixels_to_refine(
         everywhere: as of `crowd_side`. With one sample a pixel, all pixels with edges are crowds.
     """
     if everywhere and samples.side == 1:
-        touched = np.unique(ends)
-        return touched[:0], touched[touched >= 0]
+        # In a list of all pixels, which has one place more for those outside
+        touched = np.zeros(samples.labels.size + 1, bool)
+        touched[ends] = True
+        pixels = np.flatnonzero(touched[:-1])
+        return pixels[:0], pixels
     pixels = candidates(ends, samples.side)
     count = label_counts(samples, pixels)
     most = settings.MEETING[samples.side > 1]

@@ -29,6 +29,7 @@ from .refinement import (
     crowd_means,
     crowd_side_of,
     finer_side,
+    in_tiles,
     pixels_to_refine,
     searches_crowds,
 )
@@ -66,6 +67,7 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
             neighbours = neighbours_across_edges(samples)
         start, stop = first * width, (first + rows) * width
         meet, crowd = (some[slice(*np.searchsorted(some, (start, stop)))] - start for some in anew)
+        crowd = in_tiles(part, crowd)
         pixels = image[start * 3 : stop * 3]
         if searched:
             search = _Search(part, keep, pixels, samples, np.union1d(meet, crowd), crowd[:0])
@@ -133,7 +135,7 @@ class _Search:
     ) -> None:
         self.band, self.keep, self.image, self.samples = band, keep, image, samples
         self.refined = refined  # the pixels whose finer samples are searched, in order
-        self.crowded = crowded  # the pixels that are not searched, in order
+        self.crowded = crowded  # the pixels that are not searched
         self.fine: Samples | None = None  # their samples
         self.fine_range = np.zeros((2, 3, 0), image.dtype)  # and the range of their radiance
         self.moves: dict[int, list[Moves]] = {}  # by the round of the search
