@@ -35,6 +35,8 @@ from .refinement import (
 )
 from .tables import concatenated, deposit, rows_of
 
+# The fields of crossings that images do not need
+OF_DERIVATIVES = ("change", "weight", "singular", "behind", "edge")
 # Called with the fraction done
 Report = Callable[[float], None]
 
@@ -207,7 +209,7 @@ class _Search:
     def cross(self, pairs: Pairs) -> None:
         """Find the edges between pairs of samples, and what they move from pixel to pixel."""
         groups, edges = [], []
-        for round, (pair, lane, lost, crossing) in enumerate(_rounds(self.band, pairs)):
+        for round, (pair, lane, lost, crossing) in enumerate(_rounds(self.band, pairs, self.keep)):
             jump, before = stacked(crossing.jump, lane), stacked(crossing.before, lane)
             move = Moves(pairs.pixel.take(pair, 1), stacked(crossing.moved, lane), jump, before)
             self.moves.setdefault(round, []).append(move)
@@ -265,7 +267,7 @@ class _Search:
 
 
 def _rounds(
-    band: Band, pairs: Pairs
+    band: Band, pairs: Pairs, keep: bool
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, Crossing]]:
     """Edges between pairs of samples, and then those in the rest of the segments.
 
@@ -273,7 +275,7 @@ def _rounds(
 
     Yields:
         The pair of each edge, in order; its lane; the pairs with edges that are not found; and the
-        crossings, with NumPy arrays.
+        crossings, with NumPy arrays in what is needed.
     """
 
     def search(pair: np.ndarray, *rest: np.ndarray) -> Crossing:
@@ -287,7 +289,7 @@ def _rounds(
     for left_over in reversed(range(rounds)):
         if following is None:
             return
-        crossing, here, n = to_numpy(following), pair, len(pair)
+        crossing, here, n = _fetched(following, keep), pair, len(pair)
 
         # The rest of the segment, on either side of the crossing
         left, right = (
@@ -308,3 +310,9 @@ def _rounds(
         lane = np.flatnonzero(crossing.found[:n])
         lane = lane.take(np.argsort(here.take(lane), kind="stable"))
         yield here.take(lane), lane, lost, crossing
+
+
+def _fetched(crossing: Crossing, keep: bool) -> Crossing:
+    """Crossings with NumPy arrays, in all that images need, or that derivatives need as well."""
+    needed = {k: to_numpy(v) for k, v in vars(crossing).items() if keep or k not in OF_DERIVATIVES}
+    return replace(crossing, **needed)
