@@ -21,10 +21,16 @@ Fills = dict[str, tuple[Array, Array]]
 
 
 def relative_index(scene: Scene, at: Surface) -> Array:
-    """eta = n_incident / n_transmitted.
+    """eta = n_incident / n_transmitted, looked for once.
 
     An opaque surface that reflects like a polished dielectric has its material's index behind it.
     """
+    if not at.etas:
+        at.etas.append(_relative_index(scene, at))
+    return at.etas[0]
+
+
+def _relative_index(scene: Scene, at: Surface) -> Array:
     fills = {m.name: (m.ior, _is_clear(m)) for m in scene.used if may(scene, m, "refraction")}
     inside, own = at.hit.inside, _own_medium(at, fills)
     alone = sum(primitives.made_of(fills) for primitives in scene.sets) == 1

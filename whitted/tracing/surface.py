@@ -27,6 +27,8 @@ class Surface:
     of: dict[str, Array]  # material name to Bool: the surface is of this material
     # What `shadow.incident` has found, so that it looks for it once
     lights: dict[Any, Any] = field(default_factory=dict)
+    # The same of `media.relative_index`
+    etas: list[Array] = field(default_factory=list)
 
 
 def surface(scene: Scene, ray: Ray, hit: Hit) -> Surface:
