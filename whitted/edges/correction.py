@@ -144,7 +144,8 @@ class Correction:
         """
         structure, parameters, size, limits = self.band.inputs
         given = limits.importance.numpy()[0] if limits.importance is not None else 0.0
-        least = max(given, settings.LEAST_WEIGHT_BESIDE / self.band.side**2)
+        least = settings.LEAST_WEIGHT_BESIDE / self.band.side**2
+        least = max(given, min(least, settings.MOST_WEIGHT_BESIDE))
         importance = dr.opaque(structure.precision.real, least)
         return structure, parameters, size, replace(limits, importance=importance)
 

@@ -195,7 +195,8 @@ def _dim(limits: Limits) -> Array:
     """The weight below which rays are too dim for derivatives of samples that stand for a part of a
     pixel.
     """
-    return limits.faint * (settings.LEAST_WEIGHT_BESIDE / settings.LEAST_WEIGHT)
+    least = limits.faint * (settings.LEAST_WEIGHT_BESIDE / settings.LEAST_WEIGHT)
+    return dr.fmin(least, settings.MOST_WEIGHT_BESIDE)
 
 
 @frozen

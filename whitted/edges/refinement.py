@@ -26,7 +26,7 @@ def finer_side(side: int) -> int:
 
     With more samples fewer edges meet between two, and fewer of the finer samples are enough.
     """
-    return side * (4 if side <= 4 else 2)
+    return side * (3 if side <= 4 else 2)
 
 
 def crowd_side(side: int, everywhere: bool = False) -> int:

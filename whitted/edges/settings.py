@@ -8,9 +8,9 @@ scenes; halving or doubling one of them changes errors and times by a few percen
 # a pixel. A smaller number finds more edges in mirrors of mirrors, and each costs as much as a
 # bright one.
 LEAST_WEIGHT = 1 / 8
-# The same for rays of the samples beside an edge. It is smaller, since all of their light counts,
-# and not a difference.
-LEAST_WEIGHT_BESIDE = 1 / 32
+# The same for rays of the samples beside an edge, and the most that it comes to. It is smaller,
+# since all of their light counts, and not a difference.
+LEAST_WEIGHT_BESIDE, MOST_WEIGHT_BESIDE = 1 / 16, 1 / 32
 # A highlight ends at the terminator. If it is below this part of its light there, that is no edge.
 LEAST_HIGHLIGHT = 1e-3
 
@@ -68,7 +68,7 @@ SEARCHED_SIDE, ALL_SEARCHED_SIDE = 4, 5
 MOST_SEARCHED = 256
 # In pixels where edges crowd, the edge between two samples is left out if their radiance
 # differs by less than this part of the greatest radiance in the pixel.
-LEAST_CONTRAST = 1 / 64
+LEAST_CONTRAST = 1 / 32
 # A pixel where edges crowd is busy if the contrasts of its pairs add up to more than this, times
 # the samples along its side.
 BUSY = 1
