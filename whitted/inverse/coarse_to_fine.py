@@ -36,7 +36,9 @@ SPREAD = 4.0
 # Iterations by which starts are compared
 TRIALS = {"lm": 8, "adam": 40}
 # Further tries at a coarse resolution leave a part of the budget to finer ones
-SHARE = 0.6
+SHARE = 0.8
+# All descents end after so many times the budget, and leave time to the error bars
+LONGEST = 1.7
 
 
 @dataclass(frozen=True)
@@ -90,15 +92,19 @@ def coarse_to_fine(
         x = min(ends, key=lambda pair: pair[0])[1]
     tries = TRIALS[method], iterations
     seconds, begin, random = plan.budget or 0.0, x, np.random.default_rng(plan.seed)
+    if plan.budget is not None:
+        search.deadline = time.monotonic() + LONGEST * plan.budget
     for k, one in enumerate(pyramid):
         level = len(pyramid) - 1 - k
         x, stopped = descend(search, one, x, iterations, level)
         doubtful = k == 0 and objective.robust is not None
-        if seconds > 0 and (doubtful or not assess(one, x).explained):
+        if seconds > 0 and not search.late and (doubtful or not assess(one, x).explained):
             since = time.monotonic()
-            explorer = Explorer(search, one, descend, tries, level, begin, random)
+            explorer = Explorer(search, one, descend, tries, level, k == 0, begin, random)
             x, stopped = explorer.run(x, stopped, seconds * SHARE if level else seconds)
             seconds -= time.monotonic() - since
+    if search.late:
+        search.notes.append(f"all ended after {LONGEST:g} times the budget; give more")
     return x, stopped
 
 
