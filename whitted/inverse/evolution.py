@@ -19,8 +19,8 @@ SMALL = 2e-3
 
 def evolve(
     loss: Callable[[np.ndarray], float],
-    deviation: float,
     count: int,
+    deviation: float,
     evaluations: int,
     random: np.random.Generator,
     late: Callable[[], bool],
@@ -29,8 +29,8 @@ def evolve(
 
     Args:
         loss: of a vector; what is not finite is never the lowest.
-        deviation: of the first generation.
         count: length of a vector.
+        deviation: of the first generation.
         evaluations: of the loss, at most.
         late: asked after each generation whether to end.
     """
