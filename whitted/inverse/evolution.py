@@ -4,8 +4,8 @@ A generation of numbers is drawn from a normal distribution. The better half of 
 and shapes its covariance by the steps that have helped. So it follows a curved valley, and passes
 over what is rough on a small scale.
 
-Source: N. Hansen, "The CMA Evolution Strategy: A Tutorial" (2016), arXiv:1604.00772; the equations'
-numbers are its own.
+Source: N. Hansen, "The CMA Evolution Strategy: A Tutorial" (2016), arXiv:1604.00772: the algorithm
+of appendix A with the rates of table 1, without negative weights.
 """
 
 import math
@@ -39,7 +39,7 @@ def evolve(
     for _ in range(evaluations // cloud.size):
         steps = cloud.steps(random)
         drawn = cloud.mean + cloud.deviation * steps
-        losses = np.nan_to_num([loss(x) for x in drawn], nan=np.inf, neginf=np.inf)
+        losses = np.nan_to_num([loss(x) for x in drawn], nan=np.inf, posinf=np.inf, neginf=np.inf)
         order = np.argsort(losses, kind="stable")
         if losses[order[0]] < lowest:
             lowest, best = losses[order[0]], drawn[order[0]]
@@ -64,7 +64,7 @@ class _Cloud:
         self._set_rates(count, 1 / float((self.weights**2).sum()))
 
     def _set_rates(self, count: int, mass: float) -> None:
-        """How fast all of it changes (equations 54 to 58).
+        """How fast all of it changes.
 
         Args:
             mass: how many of the better half count.
@@ -86,30 +86,32 @@ class _Cloud:
         return self.deviation * float(self.values.max())
 
     def steps(self, random: np.random.Generator) -> np.ndarray:
-        """A generation, in units of the deviation, from the mean (equation 39)."""
+        """A generation, in units of the deviation, from the mean."""
         squares, self.axes = np.linalg.eigh(self.covariance)
         self.values = np.sqrt(np.maximum(squares, 1e-20))
         normal = random.normal(size=(self.size, len(self.mean)))
         return (normal * self.values) @ self.axes.T
 
     def select(self, steps: np.ndarray) -> None:
-        """Follow the better steps, the best first (equations 41 to 47)."""
+        """Follow the better steps, the best first."""
         step = self.weights @ steps
         self.mean = self.mean + self.deviation * step
         # The length of the sum tells whether steps go on in one direction, or back and forth
         alike = self.axes @ ((self.axes.T @ step) / self.values)
         rate = self.round_rate
-        self.round_path = (1 - rate) * self.round_path + math.sqrt(
-            rate * (2 - rate) * self.mass
-        ) * alike
+        self.round_path = (1 - rate) * self.round_path + self._kept(rate) * alike
         grown = float(np.linalg.norm(self.round_path)) / self.length
         self.deviation *= math.exp(rate / self.damping * (grown - 1))
         # The shape, by the sum of steps and by each of them
         rate = self.path_rate
-        self.path = (1 - rate) * self.path + math.sqrt(rate * (2 - rate) * self.mass) * step
+        self.path = (1 - rate) * self.path + self._kept(rate) * step
         kept = 1 - self.path_share - self.steps_share
         self.covariance = (
             kept * self.covariance
             + self.path_share * np.outer(self.path, self.path)
             + self.steps_share * (steps.T * self.weights) @ steps
         )
+
+    def _kept(self, rate: float) -> float:
+        """The factor of a step with which a sum of random ones keeps its length."""
+        return math.sqrt(rate * (2 - rate) * self.mass)
