@@ -7,7 +7,9 @@ from whitted.inverse.evolution import SMALL, evolve
 
 
 def run(loss, count, deviation=0.5, evaluations=4000, seed=0, late=lambda: False):
-    return evolve(loss, count, deviation, evaluations, np.random.default_rng(seed), late)
+    lowest, x = evolve(loss, count, deviation, evaluations, np.random.default_rng(seed), late)
+    assert lowest == loss(x) or not np.isfinite(lowest)
+    return x
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 12])
@@ -58,8 +60,8 @@ def test_ends_when_it_is_late_or_has_had_its_evaluations():
         return float(((x - 1) ** 2).sum())
 
     run(loss, 5, late=lambda: True)
-    # 4 + 3 log 5, a generation
-    assert len(calls) == 8
+    # 4 + 3 log 5, a generation, and the loss that `run` asks for
+    assert len(calls) == 8 + 1
     best = run(loss, 5, evaluations=100)
-    assert len(calls) == 8 + 96
-    assert ((best - 1) ** 2).sum() == min(((x - 1) ** 2).sum() for x in calls[8:])
+    assert len(calls) == 9 + 96 + 1
+    assert ((best - 1) ** 2).sum() == min(((x - 1) ** 2).sum() for x in calls[9:])

@@ -24,8 +24,8 @@ def evolve(
     evaluations: int,
     random: np.random.Generator,
     late: Callable[[], bool],
-) -> np.ndarray:
-    """The lowest of the vectors drawn around 0, until they are close together.
+) -> tuple[float, np.ndarray]:
+    """The lowest loss of the vectors drawn around 0 until they are close together, and its vector.
 
     Args:
         loss: of a vector; what is not finite is never the lowest.
@@ -46,7 +46,7 @@ def evolve(
         cloud.select(steps[order[: len(cloud.weights)]])
         if late() or cloud.width < SMALL:
             break
-    return best
+    return lowest, best
 
 
 class _Cloud:

@@ -66,7 +66,8 @@ class Moves:
             at[which] += step * self.search.scale[which]
             return np.clip(at, low, high)
 
-        step = evolve(
+        before = self.plain.loss(x)
+        loss, step = evolve(
             lambda step: self.plain.loss(moved(step)),
             count,
             2.0 ** self.random.uniform(*FIRST),
@@ -74,7 +75,7 @@ class Moves:
             self.random,
             lambda: self.search.late,
         )
-        return [moved(step)] if self.plain.loss(moved(step)) < self.plain.loss(x) else []
+        return [moved(step)] if loss < before else []
 
     def _move(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Which numbers are moved, and all numbers after that."""
