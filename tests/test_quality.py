@@ -1,13 +1,15 @@
 """A fit tells whether it has found the scene, and goes on where it has not."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import whitted as wt
-from whitted.inverse import coarse_to_fine
-from whitted.inverse.explore import groups_of
+from whitted.inverse import coarse_to_fine, search
 from whitted.inverse.levenberg_marquardt import levenberg_marquardt
 from whitted.inverse.loss import Objective
+from whitted.inverse.moves import groups_of
 from whitted.inverse.quality import assess, spectrum
 from whitted.inverse.views import checked_view
 
@@ -148,6 +150,39 @@ def test_a_fit_that_cannot_succeed_ends_with_its_budget(ball):
     assert result.notes == ["further tries ended with the budget; give more, or bounds"]
 
 
+@pytest.mark.parametrize("method", ["lm", "adam"])
+def test_budget_ends_the_first_descent(ball, method):
+    """It is over after one picture, at each resolution. Without a budget the fit goes on."""
+    target, start = noisy(ball, 0.02), ball.replace({CENTER: (0.3, 0, 0)})
+    options = {"wrt": [CENTER], "method": method, "levels": 2}
+    result = wt.fit(start, target, budget=1e-6, **options)
+    assert result.stopped == "budget used up"
+    assert result.notes == ["the descent was ended after 1.7 times the budget; give more"]
+    assert [step.resolution[0] for step in result.history] == [24, 48]
+    assert not result.quality.explained
+    assert result.parameters[CENTER] == pytest.approx((0.3, 0, 0))
+    unlimited = wt.fit(start, target, budget=None, **options)
+    assert unlimited.quality.explained
+    assert unlimited.notes == []
+
+
+def test_budget_ends_a_descent_between_its_steps(ball, monkeypatch):
+    """Each look at the clock takes a second. The third is after 1.7 s."""
+    clock = iter(range(10**6))
+    monkeypatch.setattr(search, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    monkeypatch.setattr(coarse_to_fine, "time", SimpleNamespace(monotonic=lambda: 0))
+    result = wt.fit(
+        ball.replace({CENTER: (0.3, 0, 0)}),
+        noisy(ball, 0.02),
+        wrt=[CENTER],
+        levels=1,
+        budget=1,
+    )
+    assert result.stopped == "budget used up"
+    assert result.iterations == 2
+    assert result.loss < 0.5 * result.history[0].loss
+
+
 def test_a_fit_goes_on_after_a_try_that_leaves_what_is_finite(ball, monkeypatch):
     """Half of all moves have no finite loss, and the others' first descent fails."""
     target, start = noisy(ball, 0.02), ball.replace(FAR)
@@ -182,6 +217,21 @@ def test_interrupt_of_a_try_keeps_the_best(ball):
     assert result.stopped == "interrupted"
     best = min(result.history, key=lambda step: step.loss)
     np.testing.assert_array_equal(result.parameters[CENTER], best.x)
+
+
+def test_interrupt_among_starts_tells_how_many_were_tried(ball):
+    numbers = []
+
+    def interrupt(step):
+        # A start has the number of the iteration before it
+        numbers.append(step.iteration)
+        if len(numbers) - len(set(numbers)) == 2:
+            raise KeyboardInterrupt
+
+    options = {"wrt": [CENTER], "starts": 9, "callback": interrupt}
+    result = wt.fit(ball.replace(FAR), noisy(ball, 0), **options)
+    assert result.stopped == "interrupted"
+    assert result.notes[-1] == "2 of 9 starts were tried"
 
 
 @pytest.mark.parametrize("side", [1, 2, 3, 12])

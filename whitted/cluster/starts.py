@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..files.progress import reporting
-from ..inverse.coarse_to_fine import Plan
+from ..inverse.coarse_to_fine import Plan, starts_tried
 from ..inverse.fit import INTERRUPTED, SECONDS, result_at
 from ..inverse.result import FitResult
 from ..rendering.samples import check_depth, checked_side
@@ -148,4 +148,6 @@ class _Contest:
             return result
         problem = self.trials.problem
         x = np.array(min(self.ends)[1]) if self.ends else problem.start
-        return result_at(problem, problem.search(lambda step: None), x, INTERRUPTED)
+        search = problem.search(lambda step: None)
+        search.notes.append(starts_tried(len(self.ends), self.trials.plan.starts))
+        return result_at(problem, search, x, INTERRUPTED)

@@ -17,8 +17,9 @@ from .adam import adam
 from .explore import Explorer
 from .levenberg_marquardt import levenberg_marquardt
 from .loss import Objective
+from .moves import Moves
 from .quality import assess
-from .search import Search
+from .search import LATE, Search
 
 DESCENTS = {"lm": levenberg_marquardt, "adam": adam}
 METHODS = ("auto", *DESCENTS)
@@ -36,7 +37,10 @@ SPREAD = 4.0
 # Iterations by which starts are compared
 TRIALS = {"lm": 8, "adam": 40}
 # Further tries at a coarse resolution leave a part of the budget to finer ones
-SHARE = 0.6
+SHARE = 0.8
+# Descents end after so many times the budget. With the default of 30 s, that leaves 9 s of a minute
+# to the step that has begun, and to the error bars
+LONGEST = 1.7
 
 
 @dataclass(frozen=True)
@@ -85,21 +89,43 @@ def coarse_to_fine(
     descend, iterations = DESCENTS[method], plan.iterations or ITERATIONS[method]
     pyramid = pyramid_of(objective, plan.levels)
     if plan.starts > 1:
-        starts = starts_of(search, x, plan)
-        ends = [trial(search, pyramid[0], start, method) for start in starts]
-        x = min(ends, key=lambda pair: pair[0])[1]
+        x = _best_end(search, pyramid[0], starts_of(search, x, plan), method)
     tries = TRIALS[method], iterations
     seconds, begin, random = plan.budget or 0.0, x, np.random.default_rng(plan.seed)
+    if plan.budget is not None:
+        search.deadline = time.monotonic() + LONGEST * plan.budget
     for k, one in enumerate(pyramid):
         level = len(pyramid) - 1 - k
         x, stopped = descend(search, one, x, iterations, level)
         doubtful = k == 0 and objective.robust is not None
-        if seconds > 0 and (doubtful or not assess(one, x).explained):
+        if seconds > 0 and not search.late and (doubtful or not assess(one, x).explained):
             since = time.monotonic()
-            explorer = Explorer(search, one, descend, tries, level, begin, random)
+            moves = Moves(search, one, begin, random)
+            explorer = Explorer(search, one, descend, tries, level, moves, coarsest=k == 0)
             x, stopped = explorer.run(x, stopped, seconds * SHARE if level else seconds)
             seconds -= time.monotonic() - since
+    if search.late and stopped == LATE:
+        search.notes.append(f"the descent was ended after {LONGEST:g} times the budget; give more")
     return x, stopped
+
+
+def _best_end(
+    search: Search, coarsest: Objective, starts: list[np.ndarray], method: str
+) -> np.ndarray:
+    """Where the first steps from the best of some starts lead."""
+    ends: list[tuple[float, np.ndarray]] = []
+    try:
+        for start in starts:
+            ends.append(trial(search, coarsest, start, method))
+    except KeyboardInterrupt:
+        search.notes.append(starts_tried(len(ends), len(starts)))
+        raise
+    return min(ends, key=lambda pair: pair[0])[1]
+
+
+def starts_tried(count: int, of: int) -> str:
+    """What a fit says that was interrupted among its starts."""
+    return f"{count} of {of} starts were tried"
 
 
 def trial(

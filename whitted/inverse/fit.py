@@ -79,7 +79,9 @@ def fit(
             resolution, and the best goes on.
         seed: of that draw, and of further tries.
         budget: seconds for further tries, where the pictures do not explain the target: numbers are
-            moved at random, and the best moves go downhill. None: no further tries.
+            moved at random, and the best moves go downhill. All descents, the first one too, end
+            after 1.7 times the budget, not counting `starts`; then `stopped` says "budget used up".
+            None: no further tries, and the descent takes as long as it does.
         bounds: name to (lowest, highest), None where open [default: what is legal; for an index of
             refraction at least 1].
         mask: what each pixel counts for, >= 0, or whether it counts, of shape (height, width).

@@ -37,10 +37,10 @@ def levenberg_marquardt(
     for _ in range(iterations):
         if not curvature.any():
             return x, NO_SLOPE
-        if search.late:
-            return x, LATE
         taken = False
         while not taken and damping < MOST:
+            if search.late:
+                return x, LATE
             after = search.bounded(x + _step(search, x, slope, curvature, damping))
             if np.abs((after - x) / search.scale).max() < tolerance:
                 return x, "converged: steps are below the tolerance"

@@ -31,7 +31,7 @@ class Search:
     notes: list[str] = field(default_factory=list)
     steps: int = 0  # taken so far
     attempt: int = 0  # the number of further tries
-    deadline: float = math.inf  # of such a try, on the clock of `time.monotonic`
+    deadline: float = math.inf  # of all descents, or of tries, on the clock of `time.monotonic`
 
     def __post_init__(self) -> None:
         # Bool for each number: some slope by it was not 0
