@@ -19,8 +19,8 @@ def test_finds_the_lowest_of_a_skewed_bowl(count):
     stretch = np.geomspace(1, 100, count)
     target = np.linspace(1, 2, count)
     found = run(lambda x: float((((x - target) @ axes * stretch) ** 2).sum()), count)
-    # The last generation is as wide as SMALL along the longest axis
-    assert np.abs(found - target).max() < 5 * SMALL
+    # The last generation is as wide as SMALL in each number, and wider along the longest axis
+    assert np.abs(found - target).max() < 5 * SMALL * count**0.5
 
 
 def test_follows_a_curved_valley():
