@@ -10,6 +10,7 @@ that of every other sample, as on the squares of one colour of a chessboard (`re
 
 from collections.abc import Iterator
 from functools import cached_property, reduce
+from typing import Any
 
 import drjit as dr
 import numpy as np
@@ -43,9 +44,9 @@ def coarse_side(band: Band) -> int:
     return min(max(side // 2, settings.COARSE_SIDE), side)
 
 
-def block_means(coarse: list["Block"]) -> np.ndarray:
+def block_means(coarse: list["Block"], dtype: Any) -> np.ndarray:
     """The pixels' radiance: (N, 3). Sums are in the order of `crowd_means`."""
-    return np.concatenate([block.means() for block in coarse])
+    return np.concatenate([np.zeros((0, 3), dtype), *(block.means() for block in coarse)])
 
 
 def with_finer(coarse: list["Block"]) -> Iterator["Block"]:

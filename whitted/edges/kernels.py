@@ -52,7 +52,7 @@ def labelled_image(
     row = (film.width + 2 * film.margin) * film.side
     # Labels depend on the order of nodes, which some levels in front of a loop would change
     levels = min(limits.levels, 1) if limits.loops else limits.levels
-    in_parts = structure.reflects and crowds_everywhere(structure)
+    in_parts = crowds_everywhere(structure)
 
     def of_sample(x, y, i, j):
         ray = sample_ray(frame, film, x, y, i, j)

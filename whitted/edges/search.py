@@ -75,17 +75,9 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
             search = _Search(part, keep, pixels, samples, np.union1d(meet, crowd), crowd[:0])
         else:
             search = _Search(part, keep, pixels, samples, meet, crowd)
-        if keep and everywhere and coarse_side(part) == crowd_side_of(part):
-            # The derivatives' samples are those of the image
-            search.coarse = coarse_blocks(part, crowd)
-            means: Callable[[], np.ndarray] = partial(block_means, search.coarse)
-        else:
-            means = crowd_means(part, crowd, band.structure.reflects and not dim)
+        means = search.crowds(*(light.numpy()[start * 3 : stop * 3] for light in dim))
         search.run(*neighbours)
-        if crowd.size:
-            pixels.reshape(-1, 3)[crowd] = means()
-            for lights in dim:
-                pixels.reshape(-1, 3)[crowd] += lights.numpy().reshape(-1, 3)[crowd + start]
+        pixels.reshape(-1, 3)[search.crowded] = means()
         if keep:
             found.append(search.found())
         # Parts cost about the same, however many rows they have
@@ -146,6 +138,27 @@ class _Search:
         self.lost: list[np.ndarray] = [np.zeros(0, np.int64)]
         self.cut: Cut = np.zeros(0, np.int64), np.zeros((3, 0), bool)
         self.coarse: list[Block] | None = None  # samples of crowds, if the image takes them
+
+    def crowds(self, dim: np.ndarray | None = None) -> Callable[[], np.ndarray]:
+        """Begin to trace the pixels that are not searched.
+
+        Args:
+            dim: the light of dim rays in all pixels, where edges crowd in nearly all.
+
+        Returns:
+            A function that waits for the pixels' radiance: (N, 3).
+        """
+        band, pixels = self.band, self.crowded
+        if dim is None:
+            return crowd_means(band, pixels, band.structure.reflects)
+        if self.keep and coarse_side(band) == crowd_side_of(band):
+            # The derivatives' samples are those of the image
+            self.coarse = coarse_blocks(band, pixels)
+            bright: Callable[[], np.ndarray] = partial(block_means, self.coarse, band.dtype)
+        else:
+            bright = crowd_means(band, pixels, False)
+        own = dim.reshape(-1, 3).take(pixels, 0)
+        return lambda: bright() + own
 
     def run(self, a: np.ndarray, b: np.ndarray, ends: np.ndarray) -> None:
         """Correct the image.
