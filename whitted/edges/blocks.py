@@ -9,7 +9,7 @@ that of every other sample, as on the squares of one colour of a chessboard (`re
 """
 
 from collections.abc import Iterator
-from functools import cached_property, reduce
+from functools import cached_property
 from typing import Any
 
 import drjit as dr
@@ -26,7 +26,7 @@ from .correction import Met, MovingPoints, Traced
 from .labels import labels_differ
 from .pairs import walk_order
 from .quadrature import Extra
-from .refinement import crowd_side_of
+from .refinement import crowd_side_of, summed
 from .slopes import Line
 from .tables import deposit
 
@@ -165,10 +165,8 @@ class Block:
     def means(self) -> np.ndarray:
         """The pixels' radiance: (N, 3)."""
         color = stacked(to_numpy(self.color), self.number).reshape(3, *self.shape)
-        inside = range(1, self.side + 1)
-        rows = reduce(np.add, (color[..., column] for column in inside))
-        total: np.ndarray = reduce(np.add, (rows[..., row] for row in inside))
-        return total.T / self.side**2
+        mean: np.ndarray = summed(summed(color[..., 1:-1, 1:-1])).T / self.side**2
+        return mean
 
     def find_pairs(self) -> None:
         """Find neighbours across edges that matter: their places, and their contrast."""

@@ -9,7 +9,7 @@ would cost more than it is worth. Such a pixel is the mean of many samples. For 
 `blocks.py`.
 """
 
-import math
+import functools
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -83,13 +83,17 @@ def crowd_means(band: Band, pixels: np.ndarray, dim: bool) -> Callable[[], np.nd
         for part, sums in zip(parts, traced, strict=True):
             rows, stop = to_numpy(sums), 0
             for side, _ in grids:
-                lanes = side, side // _length(side)
-                start, stop = stop, stop + len(result[part]) * math.prod(lanes)
-                own = stacked(rows, slice(start, stop)).reshape(3, -1, *lanes)
-                result[part] += own.sum(-1).sum(-1).T / side**2
+                start, stop = stop, stop + len(result[part]) * side
+                own = stacked(rows, slice(start, stop)).reshape(3, -1, side)
+                result[part] += summed(own).T / side**2
         return result
 
     return finish
+
+
+def summed(values: np.ndarray) -> np.ndarray:
+    """The sum over a short last axis, in order. NumPy's own is slow there."""
+    return functools.reduce(np.add, np.moveaxis(values, -1, 0))
 
 
 def _rows(band: Band, pixels: np.ndarray, grids: Sequence[tuple[int, bool]]) -> Array:
@@ -103,19 +107,11 @@ def _rows(band: Band, pixels: np.ndarray, grids: Sequence[tuple[int, bool]]) -> 
 
 def _rows_of(band: Band, pixels: np.ndarray, side: int, dim: bool) -> tuple[np.ndarray, ...]:
     """The first samples of rows, the samples' distance and number, and whether of dim rays."""
-    columns, places = band.resolution[0], (np.arange(side) + 0.5) / side
-    row, column = np.divmod(pixels[:, None, None], columns)
-    across = np.broadcast_arrays(
-        column + places[:: _length(side)], row + band.first_row + places[:, None]
-    )
-    x, y = (place.ravel() for place in across)
-    step, count = np.full(len(x), 1 / side), np.full(len(x), _length(side), np.uint32)
+    columns, first = band.resolution[0], (np.arange(side) + 0.5) / side
+    x = np.repeat(pixels % columns + first[0], side)
+    y = (pixels // columns + band.first_row + first[:, None]).T.ravel()
+    step, count = np.full(len(x), 1 / side), np.full(len(x), side, np.uint32)
     return x, y, step, count, np.full(len(x), dim)
-
-
-def _length(side: int) -> int:
-    """Samples of a row that one lane traces: few are faster apart."""
-    return 1 if side <= 2 else side
 
 
 def pixels_to_refine(
