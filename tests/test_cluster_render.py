@@ -95,6 +95,15 @@ def test_a_pyramid_has_all_levels(whole, tmp_path):
     np.testing.assert_allclose(group["2"][37, 0], expected, rtol=2e-7)
 
 
+def test_what_killed_workers_have_not_renamed_is_not_in_a_pyramid(tmp_path):
+    with pyramid.new_pyramid(tmp_path / "a.zarr", (40, 40), np.dtype("f4"), {}) as store:
+        pyramid.write_band(str(store), 0, np.ones((40, 40, 3), "f4"))
+        chunk = next(path for path in store.glob("0/c/**/*") if path.is_file())
+        chunk.with_suffix(".0a1b2c.partial").write_bytes(b"half")
+    assert not list(tmp_path.rglob("*.partial"))
+    assert (zarr.open_group(str(tmp_path / "a.zarr"), mode="r")["0"][:] == 1).all()
+
+
 def test_memory_is_that_of_bands(tmp_path, monkeypatch):
     """A picture that does not fit in memory is refused, unless it is written as bands come."""
     size = (1 << 10, 1 << 20)

@@ -48,7 +48,8 @@ def new_pyramid(
         yield temporary
         for level in range(1, len(levels)):
             _halve(group, level)
-        for folder in (temporary / "0" / "c").iterdir():
+        # A chunk is a file in folders for its row and its column
+        for folder in temporary.glob("0/c/*/*"):
             remove_partial(folder)
         temporary.rename(path)
     finally:
