@@ -205,7 +205,7 @@ def test_among_many_spheres_crowds_have_four_times_the_samples_and_are_not_searc
         matte = wt.Material("matte", color=(0.5, 0.5, 0.5))
         eye = wt.Camera(position=(0, 0, 5), look_at=(0, 0, 0), fov=40, resolution=(16, 16))
         scene = wt.Scene(eye, clouds=[wt.Cloud(spheres=rows, material=matte)])
-        job = BoundaryJob(scene, scene.inputs(), (16, 16), 2, 4, None)
+        job = BoundaryJob(scene, scene.given, (16, 16), 2, 4, None)
         return job.band(0, 16)
 
     few, many = band(settings.MOST_SEARCHED), band(settings.MOST_SEARCHED + 1)

@@ -85,7 +85,7 @@ class _Store:
 
     def make_room(self) -> None:
         """For one more recording: drop the one not used for longest, or all with their kernels."""
-        if dr.flag(dr.JitFlag.FreezingScope) or dr.flag(dr.JitFlag.SymbolicScope):
+        if is_recording():
             return
         if self.made >= MADE:
             self.made = 0
@@ -102,6 +102,11 @@ class _Store:
 
 
 _store = _Store()
+
+
+def is_recording() -> bool:
+    """Whether a kernel is being recorded, so that no array has numbers yet."""
+    return bool(dr.flag(dr.JitFlag.SymbolicScope) or dr.flag(dr.JitFlag.FreezingScope))
 
 
 def frozen(function: Callable[..., Result]) -> Callable[..., Result]:

@@ -1,6 +1,6 @@
 """Nested tuples, dictionaries and dataclasses of arrays, taken apart and put together again."""
 
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import fields, is_dataclass
 from functools import cache
 from typing import Any
@@ -15,11 +15,17 @@ class _Array:
 
 
 class Apart:
-    """A value that has been taken apart, to be given to many functions. They get the value."""
+    """A value that has been taken apart, to be given to many functions. They get the value.
 
-    def __init__(self, value: Any) -> None:
+    Args:
+        made: of a tuple, what they get instead of it.
+    """
+
+    def __init__(self, value: Any, made: Callable[[tuple], Any] | None = None) -> None:
         self.arrays: list[Array] = []
         self.structure = take_apart(value, self.arrays)
+        if made is not None:
+            self.structure = made, *self.structure[1:]  # type: ignore[index]
 
 
 def take_apart(value: Any, arrays: list[Array]) -> Hashable:

@@ -15,6 +15,7 @@ from ..core.pytree import Apart
 from ..sampling import kernels as film_kernels
 from ..sampling import points
 from ..sampling.band import Band, Inputs
+from ..sampling.differentiated import Gradients, Names
 from ..sampling.film import Film
 from ..scene.structure import Structure
 from ..tracing.node import Limits
@@ -30,7 +31,7 @@ from .tables import concatenated, deposit, rows_of
 TERMS = ("both", "interior", "boundary")
 # Edges, as NumPy arrays by the names of the fields of their paths and events
 Columns = dict[str, np.ndarray]
-FilmInputs = tuple[Structure, Apart, Film, Limits, Parameters]
+FilmInputs = tuple[Structure, Apart, Film, Limits, Names]
 Part = TypeVar("Part", Path, Event)
 # The numbers of samples in a record, and the record; or nothing
 Met = tuple[()] | tuple[Array, Record]
@@ -93,8 +94,9 @@ class Correction:
     traced: list[Traced] = field(default_factory=list)
     edges: list[MovingPoints] = field(default_factory=list)
 
-    def by_weight(self, wrt: Parameters) -> tuple[Parameters, Parameters]:
-        """The parameters `wrt` in two parts, the second for weights that are very small.
+    def by_weight(self, wrt: Parameters) -> tuple[Names, Names]:
+        """The names of the parameters `wrt` in two parts, the second for weights that are very
+        small.
 
         Edges in what such a weight shows are too faint to be found.
         """
@@ -103,8 +105,8 @@ class Correction:
         def is_small(name: str) -> bool:
             return name.endswith(WEIGHTS) and abs(wrt[name].numpy()[0]) < least
 
-        small = {name: value for name, value in wrt.items() if is_small(name)}
-        return {name: value for name, value in wrt.items() if name not in small}, small
+        small = tuple(name for name in wrt if is_small(name))
+        return tuple(name for name in wrt if name not in small), small
 
     def regular(self, wrt: Parameters) -> Iterator[tuple[FilmInputs, Array | None]]:
         """For each call of a film's kernel: its first inputs, and what each sample counts for.
@@ -116,8 +118,10 @@ class Correction:
             if names:
                 yield (band.structure, band.parameters, film, band.limits, names), weights
 
-    def extras(self, wrt: Parameters) -> Iterator[tuple[Extra, Inputs, Parameters, Met]]:
-        """The extra samples, as many at once as a kernel takes, with its inputs and parameters."""
+    def extras(self, wrt: Parameters) -> Iterator[tuple[Extra, Inputs, Names, Met]]:
+        """The extra samples, as many at once as a kernel takes, with its inputs, and the names of
+        parameters.
+        """
         found, _ = self.by_weight(wrt)
         if not found:
             return
@@ -181,7 +185,8 @@ class Correction:
         for edges in self.edges:
             count = edges.pixel.shape[1]
             place = self.band.lanes(edges.x, edges.y)
-            inputs = *self.band.inputs, wrt, _only(wrt, directions), *place, _edge(edges.edge)
+            names = tuple(wrt)
+            inputs = *self.band.inputs, names, _only(names, directions), *place, _edge(edges.edge)
             inputs += edges.met
             jump = [np.array(channel, copy=False)[:count] for channel in edges.jump]
             for image, slope in zip(images, kernels.levels_jvp(*inputs), strict=True):
@@ -190,44 +195,46 @@ class Correction:
 
     def adjoint(self, wrt: Parameters, image: Array, terms: str) -> Parameters:
         """The derivatives of dot(image, pixels) by the parameters `wrt`."""
-        calls: list[Callable[[], Parameters]] = []
+        calls: list[tuple[Names, Callable[[], Gradients]]] = []
         # All inputs come first: making one waits for the kernels before it
         if terms != "boundary":
             calls += self._interior_adjoints(wrt, image)
         if terms != "interior":
             calls += self._boundary_adjoints(wrt, image)
-        total = {name: dr.opaque(type(value), 0) for name, value in wrt.items()}
-        for call in calls:
-            for name, slope in call().items():
-                total[name] = total[name] + slope
-            # At once, so that the kernel that adds does not depend on how many calls there are
-            dr.eval(total)
-        return total
+        sums: dict[Names, Gradients] = {}
+        for names, call in calls:
+            found = call()
+            sums[names] = sums[names].plus(found) if names in sums else found
+        total: Parameters = {}
+        for names, found in sums.items():
+            for name, slope in found.by_name(self.band.structure, names).items():
+                total[name] = total[name] + slope if name in total else slope
+        return {name: total.get(name, dr.zeros(type(value))) for name, value in wrt.items()}
 
     def _interior_adjoints(
         self, wrt: Parameters, image: Array
-    ) -> Iterator[Callable[[], Parameters]]:
+    ) -> Iterator[tuple[Names, Callable[[], Gradients]]]:
         for first, weights in self.regular(wrt):
-            yield partial(film_kernels.image_vjp, *first, image, weights)
+            yield first[-1], partial(film_kernels.image_vjp, *first, image, weights)
         for extra, inputs, found, met in self.extras(wrt):
             lanes = self.band.lanes(_unsigned(extra.pixel), extra.weight, extra.x, extra.y)
-            yield partial(points.samples_vjp, *inputs, found, image, *lanes, *met)
+            yield found, partial(points.samples_vjp, *inputs, found, image, *lanes, *met)
 
     def _boundary_adjoints(
         self, wrt: Parameters, image: Array
-    ) -> Iterator[Callable[[], Parameters]]:
-        band = self.band
+    ) -> Iterator[tuple[Names, Callable[[], Gradients]]]:
+        band, names = self.band, tuple(wrt)
         for edges in self.edges:
             changed = ad.Array2u(*band.lanes(*_unsigned(edges.pixel)))
             change = band.structure.precision.vector2(*band.lanes(*edges.change))
             place = band.lanes(edges.x, edges.y)
             points_on_edges = changed, change, band.color(edges.jump), *place, _edge(edges.edge)
-            inputs = *band.inputs, wrt, image, *points_on_edges, *edges.met
-            yield partial(kernels.levels_vjp, *inputs)
+            inputs = *band.inputs, names, image, *points_on_edges, *edges.met
+            yield names, partial(kernels.levels_vjp, *inputs)
 
 
-def _only(wrt: Parameters, directions: Directions) -> tuple[Parameters, ...]:
-    """The tangents of the parameters `wrt` alone."""
+def _only(wrt: Names, directions: Directions) -> tuple[Parameters, ...]:
+    """The tangents of the parameters of these names alone."""
     return tuple({name: tangents[name] for name in wrt} for tangents in directions)
 
 

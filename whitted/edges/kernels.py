@@ -14,7 +14,7 @@ from ..autodiff.forward import Direction, radiance_jvp
 from ..core.arrays import Array, Parameters
 from ..core.frozen import frozen
 from ..core.pytree import leaves, like
-from ..sampling.differentiated import Forward, Reverse, prepare
+from ..sampling.differentiated import Forward, Gradients, Names, Reverse, prepare
 from ..sampling.film import Film, sample_ray
 from ..sampling.kernels import accumulate
 from ..sampling.points import in_lanes, of_pixel
@@ -214,7 +214,7 @@ def levels_jvp(
     parameters: Parameters,
     size: Array,
     limits: Limits,
-    wrt: Parameters,
+    wrt: Names,
     tangents: tuple[Parameters, ...],
     x: Array,
     y: Array,
@@ -240,7 +240,7 @@ def levels_vjp(
     parameters: Parameters,
     size: Array,
     limits: Limits,
-    wrt: Parameters,
+    wrt: Names,
     adjoint: Array,
     pixels: Array,
     change: Array,
@@ -250,7 +250,7 @@ def levels_vjp(
     edge: Edge,
     number: Array | None = None,
     record: Record | None = None,
-) -> Parameters:
+) -> Gradients:
     """The derivatives by `wrt` of dot(adjoint, pixels), where edges change the pixels.
 
     Args:

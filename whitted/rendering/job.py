@@ -15,6 +15,7 @@ from ..edges.search import correct
 from ..edges.settings import LEAST_WEIGHT
 from ..sampling import kernels
 from ..sampling.band import Band
+from ..sampling.differentiated import Gradients
 from ..sampling.film import Film
 from ..scene.features import branches_out
 from ..scene.scene import Scene
@@ -34,7 +35,7 @@ class Job:
     """An image of plain samples; its parameters carry no gradients."""
 
     scene: Scene
-    parameters: Parameters
+    parameters: Apart  # by name
     resolution: tuple[int, int]
     max_depth: int
     side: int  # samples along a pixel's side
@@ -87,7 +88,7 @@ class Job:
             self.progress((row - start) / count)
 
     def band(self, first: int, rows: int) -> Band:
-        inputs = self.scene.structure, Apart(self.parameters), self.limits
+        inputs = self.scene.structure, self.parameters, self.limits
         return Band(*inputs, self.resolution, first, rows, self.side)
 
     def image(self) -> Array:
@@ -111,7 +112,9 @@ class Job:
     def _tangents(
         self, first: int, rows: int, wrt: Parameters, directions: tuple[Parameters, ...]
     ) -> Sequence[Array]:
-        slopes: Sequence[Array] = kernels.image_jvp(*self._inputs(first, rows), wrt, directions)
+        slopes: Sequence[Array] = kernels.image_jvp(
+            *self._inputs(first, rows), tuple(wrt), directions
+        )
         return slopes
 
     def adjoint(self, wrt: Parameters, image: Array) -> Parameters:
@@ -128,7 +131,9 @@ class Job:
 
     def _adjoint(self, first: int, rows: int, wrt: Parameters, part: Array) -> Parameters:
         record = self.records.get(first)
-        return kernels.image_vjp(*self._inputs(first, rows), wrt, part, None, record)
+        inputs, names = self._inputs(first, rows), tuple(wrt)
+        found: Gradients = kernels.image_vjp(*inputs, names, part, None, record)
+        return found.by_name(self.scene.structure, names)
 
     def _inputs(self, first: int, rows: int) -> tuple[Structure, Apart, Film, Limits]:
         band = self.band(first, rows)

@@ -80,15 +80,9 @@ def indices(scene: Scene, resolution: tuple[int, int]) -> Array:
     Numbers are those of `Scene.number_of`.
     """
     width, height = resolution
-    parameters = _inputs(scene)
+    parameters = scene.given
     with LOCK:
         return _indices(scene.structure, parameters, _size_of(scene, resolution), width * height)
-
-
-def _inputs(scene: Scene) -> Parameters:
-    parameters: Parameters = dr.detach(scene.inputs())
-    dr.make_opaque(parameters)
-    return parameters
 
 
 def _size_of(scene: Scene, resolution: tuple[int, int]) -> Array:
@@ -97,7 +91,7 @@ def _size_of(scene: Scene, resolution: tuple[int, int]) -> Array:
 
 
 def _picked(scene: Scene, x: float, y: float, size: tuple[int, int], through: bool) -> Pick | None:
-    real, parameters = scene.precision.real, _inputs(scene)
+    real, parameters = scene.precision.real, scene.given
     limits = Job(scene, parameters, size, scene.max_depth, 1, None).limits
     fixed = scene.structure, parameters, limits
     place = dr.opaque(real, x), dr.opaque(real, y)

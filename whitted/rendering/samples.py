@@ -103,12 +103,9 @@ def _job_of(
     size = checked_resolution(scene.resolution if resolution is None else resolution)
     part = None if rows is None else checked_rows(rows, size[1])
     check_memory(size[0], part[1] if part else size[1], dr.itemsize_v(scene.background))
-    parameters = scene.inputs()
-    # Opaque: each literal value would be compiled into a kernel of its own
-    dr.make_opaque(parameters)
-    wrt = {name: value for name, value in parameters.items() if dr.grad_enabled(value)}
-    still = dr.detach(parameters) if wrt else parameters
-    about = scene, still, size, int(max_depth or scene.max_depth), side, progress, part, unroll
+    wrt = scene.differentiated()
+    depth = int(max_depth or scene.max_depth)
+    about = scene, scene.given, size, depth, side, progress, part, unroll
     if boundary:
         return BoundaryJob(*about, bool(wrt), terms=terms), wrt
     # Derivatives by a weight of 0 take rays that the image does not trace

@@ -6,7 +6,7 @@ stage is the samples, which are differentiated by the outcome of the first.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import drjit as dr
 
@@ -14,12 +14,15 @@ from ..autodiff.forward import Direction, RaySlopes
 from ..autodiff.propagate import pull_back, push_forward
 from ..core.arrays import Array, Parameters
 from ..core.gathered import Gathered
+from ..core.packed import joined, unpacked
 from ..core.ray import Ray
 from ..scene.many import SPHERES
 from ..scene.scene import Scene
 from ..scene.structure import Structure
 from ..tracing.primary import CameraFrame, camera_frame
 
+# Names of parameters in kernels
+Names = tuple[str, ...]
 RayOf = Callable[[CameraFrame], Ray]
 # Takes a scene, sums of derivatives, parameters as wide as the wavefront, and rays. Returns the
 # sums with those of the rays added, and the derivatives by the rays' origins and directions
@@ -37,6 +40,29 @@ def prepare(structure: Structure, parameters: Parameters, size: Array) -> tuple[
     return prepared, frame
 
 
+@dataclass(frozen=True)
+class Gradients:
+    """Derivatives by parameters."""
+
+    numbers: Array | None  # by numbers and vectors, one after the other
+    spheres: Array | None  # by the spheres that a tree finds
+
+    def plus(self, other: "Gradients") -> "Gradients":
+        """The sum, computed now: the kernel that adds is the same for any number of terms."""
+        numbers = None if self.numbers is None else self.numbers + other.numbers
+        spheres = None if self.spheres is None else self.spheres + other.spheres
+        dr.eval(numbers, spheres)
+        return Gradients(numbers, spheres)
+
+    def by_name(self, structure: Structure, wrt: Names) -> Parameters:
+        """The derivatives by the parameters of these names."""
+        found = {} if self.spheres is None else {SPHERES: self.spheres}
+        if self.numbers is not None:
+            found |= unpacked(structure.layout.some(wrt), self.numbers)
+        dr.eval(found)
+        return found
+
+
 class Forward:
     """A scene that moves in some directions of the parameters `wrt`."""
 
@@ -45,13 +71,14 @@ class Forward:
         structure: Structure,
         parameters: Parameters,
         size: Array,
-        wrt: Parameters,
+        wrt: Names,
         tangents: Sequence[Parameters],
     ) -> None:
         """Make the scene ready.
 
         Args:
-            tangents: of the parameters, for each direction.
+            wrt: names of the parameters that move.
+            tangents: of these, for each direction.
         """
         self.directions: list[Direction] = []
         self._frame_tangents = []
@@ -66,16 +93,16 @@ class Forward:
         structure: Structure,
         parameters: Parameters,
         size: Array,
-        wrt: Parameters,
+        wrt: Names,
         tangents: Parameters,
     ) -> tuple[Direction, CameraFrame]:
         """The scene in one direction, and its camera's frame with a tangent."""
-        wrt, tangents = dr.detach(dict(wrt)), dict(tangents)
-        of_many = tangents.pop(SPHERES, None) if wrt.pop(SPHERES, None) is not None else None
-        dr.enable_grad(wrt)
-        dr.set_grad(wrt, tangents)
-        scene, frame = prepare(structure, parameters | wrt, size)
-        push_forward(wrt)
+        of_many = tangents[SPHERES] if SPHERES in wrt else None
+        moved = {name: type(parameters[name])(parameters[name]) for name in wrt if name != SPHERES}
+        dr.enable_grad(moved)
+        dr.set_grad(moved, {name: tangents[name] for name in moved})
+        scene, frame = prepare(structure, parameters | moved, size)
+        push_forward(moved)
         still = dr.detach(scene)
         if of_many is not None:
             still = still.gathering(Gathered(tangents=of_many))
@@ -103,15 +130,17 @@ class Reverse:
         structure: Structure,
         parameters: Parameters,
         size: Array,
-        wrt: Parameters,
+        wrt: Names,
         nothing: Array,
     ) -> None:
         """Make the scene ready.
 
         Args:
+            wrt: names of the parameters.
             nothing: zeros as wide as the wavefront. They keep each lane's derivatives in its lane.
         """
-        self.wrt = dr.detach(dict(wrt))
+        self.precision = structure.precision
+        self.wrt = {name: type(parameters[name])(parameters[name]) for name in wrt}
         of_many = self.wrt.pop(SPHERES, None)
         dr.enable_grad(self.wrt)
         scene, frame = prepare(structure, parameters | self.wrt, size)
@@ -148,15 +177,15 @@ class Reverse:
             sums = sums | {name: sums[name] + dr.grad(value) for name, value in moving.items()}
         return sums
 
-    def gradients(self, sums: Parameters) -> Parameters:
+    def gradients(self, sums: Parameters) -> Gradients:
         """The derivatives by the parameters, from the sums over lanes."""
         dr.eval(sums)
         for name, value in self.inputs.items():
             dr.set_grad(value, _total(sums[name]))
             dr.enqueue(dr.ADMode.Backward, value)
         dr.traverse(dr.ADMode.Backward)
-        many = {} if self.of_many.sums is None else {SPHERES: self.of_many.sums}
-        return dr.grad(self.wrt) | many
+        numbers = joined(dr.grad(self.wrt), self.precision) if self.wrt else None
+        return Gradients(numbers, self.of_many.sums)
 
 
 def _moving(scene: Scene) -> Parameters:

@@ -19,7 +19,7 @@ from ..scene.structure import Structure
 from ..tracing.node import Limits
 from ..tracing.record import Record
 from ..tracing.recursion import radiance
-from .differentiated import Forward, Reverse, prepare
+from .differentiated import Forward, Gradients, Names, Reverse, prepare
 from .film import Film, next_sample, pixel, sample_ray
 
 # Lanes of the reverse kernel. Each takes many pixels, so that few sums are left to add up
@@ -95,7 +95,7 @@ def image_jvp(
     parameters: Parameters,
     film: Film,
     limits: Limits,
-    wrt: Parameters,
+    wrt: Names,
     tangents: tuple[Parameters, ...],
     weights: Array | None = None,
 ) -> tuple[Array, ...]:
@@ -123,11 +123,11 @@ def image_vjp(
     parameters: Parameters,
     film: Film,
     limits: Limits,
-    wrt: Parameters,
+    wrt: Names,
     adjoint: Array,
     weights: Array | None = None,
     record: Record | None = None,
-) -> Parameters:
+) -> Gradients:
     """The derivatives of dot(adjoint, image) by the parameters `wrt`.
 
     Args:

@@ -14,7 +14,7 @@ from ..scene.structure import Structure
 from ..tracing.node import Limits
 from ..tracing.primary import image_ray
 from ..tracing.record import Record
-from .differentiated import Forward, Reverse
+from .differentiated import Forward, Gradients, Names, Reverse
 
 # The pixel of what is outside of the band
 NOWHERE = 0xFFFFFFFF
@@ -35,7 +35,7 @@ def samples_jvp(
     parameters: Parameters,
     size: Array,
     limits: Limits,
-    wrt: Parameters,
+    wrt: Names,
     tangents: tuple[Parameters, ...],
     x: Array,
     y: Array,
@@ -60,7 +60,7 @@ def samples_vjp(
     parameters: Parameters,
     size: Array,
     limits: Limits,
-    wrt: Parameters,
+    wrt: Names,
     adjoint: Array,
     pixel: Array,
     weight: Array,
@@ -68,7 +68,7 @@ def samples_vjp(
     y: Array,
     number: Array | None = None,
     record: Record | None = None,
-) -> Parameters:
+) -> Gradients:
     """The derivatives by `wrt` of dot(adjoint, pixels), where samples add to the pixels.
 
     Args:

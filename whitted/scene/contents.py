@@ -5,13 +5,16 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
+import drjit as dr
 import numpy as np
 
 from ..core.arrays import Array, Parameters, Precision, precision_named, precision_of
+from ..core.frozen import is_recording
 from ..core.gathered import Gathered
 from ..core.host import from_numbers, to_lanes, to_numbers
+from ..core.packed import packed
 from ..core.parameter import Numbers, parameters_of
-from ..core.pytree import put_together, take_apart
+from ..core.pytree import Apart, put_together, take_apart
 from ..lights import Light
 from ..shapes import SHAPES, Shape
 from ..shapes.many import FIRST, ManySpheres
@@ -224,16 +227,40 @@ class Contents(Surroundings):
         return structure if structure and structure.features == self.features else Structure(self)
 
     def inputs(self) -> Parameters:
-        """What kernels take: all parameters, by their names in kernels, and the direction up."""
-        names = self.structure.names.items()
-        arrays = {own: self.locations[name].read(self) for name, own in names}
+        """All parameters, by their names in kernels, and the direction up."""
+        arrays = self._with_gradients()
         copies = {name: type(array)(array) for name, array in arrays.items()}
         copies[UP] = from_numbers([[x] for x in self.camera.up], self.precision)
+        return self._of_many() | copies
+
+    def differentiated(self) -> Parameters:
+        """Those of `inputs` that have gradients."""
+        arrays = self._with_gradients().items()
+        return {name: type(array)(array) for name, array in arrays if dr.grad_enabled(array)}
+
+    def _with_gradients(self) -> Parameters:
+        """Those of `inputs` that may have gradients."""
+        names = self.structure.names.items()
+        arrays = {own: self.locations[name].read(self) for name, own in names}
         if self.sources:
-            copies |= self.tree.arrays
-            copies[SPHERES] = attached_spheres(self, copies[SPHERES])
-            copies[SPECIAL] = to_lanes(self.marked[1])
-        return copies
+            arrays[SPHERES] = attached_spheres(self, self.tree.arrays[SPHERES])
+        return arrays
+
+    @cached_property
+    def given(self) -> Apart:
+        """What kernels are given: `inputs`, without gradients."""
+        if is_recording():
+            inputs = dr.detach(self.inputs())
+            # Opaque: each literal value would be compiled into a kernel of its own
+            dr.make_opaque(inputs)
+            return Apart(inputs)
+        numbers = [self.numbers[name] for name in self.structure.names]
+        numbers.append(self.camera.up)
+        return packed(self.structure.layout, numbers, self.precision, self._of_many())
+
+    def _of_many(self) -> Parameters:
+        """What kernels take of the spheres that a tree finds, without gradients."""
+        return self.tree.arrays | {SPECIAL: to_lanes(self.marked[1])} if self.sources else {}
 
     @property
     def precision(self) -> Precision:

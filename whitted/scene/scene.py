@@ -11,6 +11,7 @@ from typing import Any, ClassVar, ParamSpec
 import drjit as dr
 
 from ..core.arrays import Array, precision_named
+from ..core.frozen import is_recording
 from ..core.host import in_own_memory
 from ..core.parameter import Numbers
 from ..files.atomic import write_text
@@ -212,7 +213,7 @@ class Scene(Contents):
         }
         self._check_recording(arrays)
         # While a kernel is recorded numbers are not known; those of before decide what is compiled
-        numbers = {} if _is_recording() else numbers_of(arrays, known)
+        numbers = {} if is_recording() else numbers_of(arrays, known)
         remedy = remedy_of(values)
         check_numbers(numbers, known, remedy)
         self._check_view(numbers, remedy)
@@ -380,7 +381,7 @@ class Scene(Contents):
         """Refuse to move the spheres of a tree while a kernel is recorded."""
         own = tuple(f"{source.name}." for source in self.sources)
         moved = [name for name in names if name.startswith(own)] if own else []
-        if moved and _is_recording():
+        if moved and is_recording():
             remedy = "replace them outside, and give the function the scene"
             raise ValueError(
                 f"{moved[0]}: a tree of spheres cannot be built in a frozen function; {remedy}"
@@ -416,7 +417,3 @@ def checked_scene(value: object, where: str = "scene") -> Scene:
             f"{where}: expected a Scene, got {got}; load one with whitted.load_scene({given})"
         )
     return value
-
-
-def _is_recording() -> bool:
-    return dr.flag(dr.JitFlag.SymbolicScope) or dr.flag(dr.JitFlag.FreezingScope)

@@ -6,6 +6,7 @@ from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
 from ..core.arrays import Array
+from ..core.packed import Layout
 from ..core.pytree import put_together, take_apart
 from ..shapes.many import ManySpheres
 from .features import Features, can_be_recorded, reflects
@@ -62,6 +63,9 @@ class Structure:
         self._hash = hash(self.key)
         self._locations = {self.names[name]: where for name, where in places.items()}
         self._locations[UP] = replace(self._locations["camera.look_at"], path=("up",))
+        sizes = ((self.names[name], where.entry.size) for name, where in places.items())
+        # How kernels get their numbers
+        self.layout = Layout([*sizes, (UP, 3)])
         if scene.sources:
             self._locations |= OF_MANY
 

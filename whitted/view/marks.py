@@ -34,12 +34,10 @@ def label_edges(scene: Scene, resolution: tuple[int, int], max_depth: int) -> Ar
     Labels are those of one sample a pixel. An image is corrected where these edges are.
     """
     width, height = resolution
-    inputs = scene.inputs()
-    dr.make_opaque(inputs)
     with LOCK:
-        job = BoundaryJob(scene, dr.detach(inputs), resolution, max_depth, 1, None)
+        job = BoundaryJob(scene, scene.given, resolution, max_depth, 1, None)
         band = job.band(0, height)
-        _, labels = labelled_image(scene.structure, job.parameters, band.film(1), job.limits)
+        *_, labels = labelled_image(scene.structure, job.parameters, band.film(1), job.limits)
         return _label_edges(labels, *_numbers(width, height), width * height)
 
 
