@@ -16,6 +16,7 @@ from ..core.arrays import Array, Parameters
 from ..core.gathered import Gathered
 from ..core.packed import joined, unpacked
 from ..core.ray import Ray
+from ..scene.features import is_idle
 from ..scene.many import SPHERES
 from ..scene.scene import Scene
 from ..scene.structure import Structure
@@ -191,9 +192,13 @@ class Reverse:
 def _moving(scene: Scene) -> Parameters:
     """The parameters of a prepared scene that depend on those that are differentiated.
 
-    The camera's are left out: samples read its frame.
+    The camera's are left out: samples read its frame. So is what nothing depends on.
     """
-    names = (name for name in scene.locations if not name.startswith(("camera.", "many.")))
+    names = (
+        name
+        for name, where in scene.locations.items()
+        if not (name.startswith(("camera.", "many.")) or is_idle(scene, where))
+    )
     values = scene.parameters(*names)
     return {name: value for name, value in values.items() if dr.grad_enabled(value)}
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 from ..shapes import SHAPES
 from ..shapes.places import Places, places_of
 from .material import Material
+from .parameters import Location
 
 if TYPE_CHECKING:
     from .contents import Contents
@@ -87,6 +88,18 @@ def _of_places(scene: "Contents") -> Places:
 def may(scene: "Contents", material: Material, field: str) -> bool:
     """Whether a material's parameter can differ from its neutral value, and must be compiled."""
     return f"materials.{material.name}.{field}" in scene.features.live
+
+
+def is_idle(scene: "Contents", where: Location) -> bool:
+    """Whether nothing depends on a parameter: on the index of what bends no light, and on the
+    shininess of what has no highlights.
+    """
+    if where.field != "materials" or where.place is None:
+        return False
+    material = scene.materials[where.place]
+    if where.path == ("ior",):
+        return not (may(scene, material, "refraction") or material.name in scene.features.coated)
+    return where.path == ("shininess",) and not may(scene, material, "specular")
 
 
 def reflects(scene: "Contents") -> bool:
