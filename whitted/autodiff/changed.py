@@ -4,9 +4,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ..core.arrays import Array, any_true
-from ..scene.features import may
+from ..core.ray import Ray
+from ..scene.features import may, sends_rays
 from ..scene.scene import Scene
 from ..shapes.many import NAME as MANY
+from ..tracing.intersect import closest_hit
 from ..tracing.surface import materials_of
 
 
@@ -23,6 +25,14 @@ class Changed:
         named = (primitives.named(index, self.shapes) for primitives in scene.sets)
         made = (here for material, here in of.items() if material in self.materials)
         return any_true((*named, *made), index == 0)
+
+    def reached(self, scene: Scene, ray: Ray) -> Array:
+        """Bool: a ray's first surface changes, or sends rays that may meet one that does."""
+        index = closest_hit(scene, ray).index
+        sends = {m.name for m in scene.used if sends_rays(scene, m)}
+        of = materials_of(scene, index).items()
+        sending = (here for material, here in of if material in sends)
+        return any_true(sending, index == 0) | self.among(scene, index)
 
 
 def changed(scene: Scene, names: Iterable[str]) -> Changed | None:

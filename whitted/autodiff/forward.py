@@ -50,6 +50,11 @@ class Tangent:
         nothing = dr.zeros(type(node.o), dr.width(node))
         return Tangent(o + nothing, d + nothing, dr.zeros(type(node.weight), dr.width(node)))
 
+    @property
+    def moves(self) -> Array:
+        """Bool: the node changes."""
+        return dr.any(self.o != 0) | dr.any(self.d != 0) | (self.weight != 0)
+
     @staticmethod
     def of(node: Node) -> "Tangent":
         """The tangents that forward mode has brought to a node."""
@@ -118,13 +123,19 @@ def radiance_jvp(
         else:
             moves = these.among(scene, hit.index)
             for tangent in moving.ahead:
-                moves |= dr.any(tangent.o != 0) | dr.any(tangent.d != 0) | (tangent.weight != 0)
+                moves |= tangent.moves
             found = dr.if_stmt((dark, moving, hit), moves, light, lambda dark, *_: dark)
         result = tuple(old + new for old, new in zip(result, found, strict=True))
         return result, *_children(directions, moving, limits, hit)
 
     root = Moving(first, tuple(Tangent.first(first, o, d) for o, d in slopes))
-    return walk(scene, limits, root, dark, step, "radiance_jvp")
+    active = None
+    if these is not None and hits is None:
+        # A packet that sees still walls alone skips the loop
+        active = these.reached(scene, ray)
+        for tangent in root.ahead:
+            active |= tangent.moves
+    return walk(scene, limits, root, dark, step, "radiance_jvp", active=active)
 
 
 def _children(

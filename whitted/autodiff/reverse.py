@@ -119,7 +119,11 @@ def walk_back(tree: "Tree", sums: Parameters, ray: Ray) -> tuple[Parameters, Arr
         returning = ~state[-1] & (state[1].size > 0)
         return dr.if_stmt(state, returning, tree.come_back, lambda *state: state)
 
-    state = *state, dr.any(tree.seed != 0) & dr.ones(mask, width)
+    seeded = dr.any(tree.seed != 0) & dr.ones(mask, width)
+    if tree.changed is not None and tree.hits is None:
+        # A packet that sees still walls alone skips the loop
+        seeded &= tree.changed.reached(scene, node.ray)
+    state = *state, seeded
     state = dr.while_loop(
         state, lambda *s: s[-1] | (s[1].size > 0), step, mode="symbolic", label="radiance_vjp"
     )

@@ -103,8 +103,13 @@ def is_idle(scene: "Contents", where: Location) -> bool:
 
 
 def reflects(scene: "Contents") -> bool:
-    """Whether any material can send a reflected ray: mirrors, and glass by total reflection."""
-    return any(may(scene, m, "reflection") or may(scene, m, "refraction") for m in scene.used)
+    """Whether any material can send a reflected ray."""
+    return any(sends_rays(scene, m) for m in scene.used)
+
+
+def sends_rays(scene: "Contents", material: Material) -> bool:
+    """Whether a material can send a reflected ray, as mirrors do, and glass by total reflection."""
+    return may(scene, material, "reflection") or may(scene, material, "refraction")
 
 
 def refracts(scene: "Contents") -> bool:

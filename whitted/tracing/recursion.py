@@ -70,7 +70,14 @@ def radiance(
 
 
 def walk(
-    scene: Scene, limits: Limits, root: Any, state: State, step: Step, label: str, levels: int = 0
+    scene: Scene,
+    limits: Limits,
+    root: Any,
+    state: State,
+    step: Step,
+    label: str,
+    levels: int = 0,
+    active: Array | None = None,
 ) -> State:
     """Walk through trees of nodes: the first levels, and then what is below them, depth first.
 
@@ -80,6 +87,7 @@ def walk(
         step: called with each node.
         label: of the loop, for Dr.Jit.
         levels: of straight code; all that `limits` allow, or fewer.
+        active: Bool: the rays to trace, if there is a loop, and no straight code [default: all].
 
     Returns:
         What has been found.
@@ -95,7 +103,7 @@ def walk(
     width = dr.width(root)
     size = dr.zeros(type(limits.depth), width)
     capacity = limits.capacity if branches_out(scene) else 0
-    node, active = root, dr.ones(dr.mask_t(size), width)
+    node, active = root, dr.ones(dr.mask_t(size), width) if active is None else active
     if levels:
         # Below the straight levels of a chain there is one node
         below = max(capacity, 1) if limits.loops else 0
