@@ -22,8 +22,8 @@ from ..sampling.band import Band
 from ..tracing.record import MOST_NODES, Record
 from . import kernels, settings
 from .between import Between
+from .contrast import Grid, contrasts
 from .correction import Met, MovingPoints, Traced
-from .labels import labels_differ
 from .pairs import walk_order
 from .quadrature import Extra
 from .refinement import crowd_side_of, summed
@@ -170,20 +170,17 @@ class Block:
 
     def find_pairs(self) -> None:
         """Find neighbours across edges that matter: their places, and their contrast."""
-        count, blocks = len(self.x), self.shape[0]
-        color, label = stacked(to_numpy(self.color), self.number), self.labels
-        grid, place = label.reshape(self.shape), np.arange(count).reshape(self.shape)
-        across = labels_differ(grid[:, 1:-1, :-1], grid[:, 1:-1, 1:])
-        down = labels_differ(grid[:, :-1, 1:-1], grid[:, 1:, 1:-1])
-        a = np.concatenate([place[:, 1:-1, :-1][across], place[:, :-1, 1:-1][down]])
-        b = a + 1
-        b[np.count_nonzero(across) :] += self.shape[2] - 1
-        change = np.abs(color.take(a, 1) - color.take(b, 1)).max(0)
-        most = color.max(0).reshape(blocks, -1).max(1)
-        most = most.take(a // (self.shape[1] * self.shape[2]))
-        contrast = np.divide(change, most, out=np.zeros_like(change), where=change > 0)
-        kept = np.flatnonzero(contrast > settings.LEAST_CONTRAST)
-        self.pairs = a.take(kept), b.take(kept), contrast.take(kept)
+        blocks, row, column = self.shape
+        sizes = (dr.opaque(ad.UInt32, n) for n in (column, row * column, len(self.x)))
+        first = np.arange(blocks, dtype=np.uint32) * (row * column)
+        grid = Grid(*sizes, to_lanes(first))
+        found = contrasts(grid, to_lanes(self.number), self.color, self.label)
+        ways = [(own.numpy(), step) for own, step in zip(found, (1, column), strict=True)]
+        ends = [(np.flatnonzero(contrast), step) for contrast, step in ways]
+        a = np.concatenate([place for place, _ in ends])
+        b = np.concatenate([place + step for place, step in ends])
+        seen = [own.take(place) for (own, _), (place, _) in zip(ways, ends, strict=True)]
+        self.pairs = a, b, np.concatenate(seen)
 
     def _in_order(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """The places a and b of neighbours, those across the same edge together; and (2, N), the
