@@ -171,9 +171,10 @@ class Block:
     def find_pairs(self) -> None:
         """Find neighbours across edges that matter: their places, and their contrast."""
         blocks, row, column = self.shape
-        sizes = (dr.opaque(ad.UInt32, n) for n in (column, row * column, len(self.x)))
-        first = np.arange(blocks, dtype=np.uint32) * (row * column)
-        grid = Grid(*sizes, to_lanes(first))
+        square = row * column
+        first = np.arange(blocks, dtype=np.uint32) * np.uint32(square)
+        in_row, in_square, in_all = (dr.opaque(ad.UInt32, n) for n in (column, square, len(self.x)))
+        grid = Grid(in_row, in_square, in_all, to_lanes(first))
         found = contrasts(grid, to_lanes(self.number), self.color, self.label)
         ways = [(own.numpy(), step) for own, step in zip(found, (1, column), strict=True)]
         ends = [(np.flatnonzero(contrast), step) for contrast, step in ways]

@@ -1,7 +1,9 @@
 """What the search for edges found, as far as derivatives need it."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 
 import drjit as dr
 import numpy as np
@@ -14,6 +16,7 @@ from .bounds import Cut
 from .correction import Columns, Correction, MovingPoints, joined
 from .events import Kind
 from .grid import Samples
+from .lattice import Lattice
 from .motion import Edge
 from .pairs import Crossings, Pairs, walk_order
 from .quadrature import Extra, intervals_beside, samples_beside
@@ -40,7 +43,9 @@ class Found:
     crossed: list[Crossed]
     lost: np.ndarray  # numbers of samples beside which there are edges that were not found
     cut: Cut
-    coarse: list[Block] | None  # samples of crowds, if the image has taken them
+    # Samples of crowds, if the image has taken them
+    coarse: list[Block] | None
+    lattices: list[Lattice]
 
     @cached_property
     def correction(self) -> Correction:
@@ -51,7 +56,9 @@ class Found:
         """
         band, result = self.band, Correction(self.band)
         # Its kernels run while other things are done
-        coarse = coarse_blocks(band, self.crowded) if self.coarse is None else self.coarse
+        coarse = self.coarse
+        if coarse is None:
+            coarse = [] if self.lattices else coarse_blocks(band, self.crowded)
         # The part of each sample that edges take away, by the number of the sample
         shape = (band.rows + 2) * band.side, (band.resolution[0] + 2) * band.side
         first = shape[0] * shape[1]
@@ -67,7 +74,8 @@ class Found:
         taken[self.lost] = 1
         if self.fine is not None:
             result.extra.append(_inside(self.fine, 1 - taken[first:]))
-        for block in with_finer(coarse):
+        blocks: Iterator[Block | Lattice] = chain(self.lattices, with_finer(coarse))
+        for block in blocks:
             result.traced.append(block.samples_and_edges(result.edges))
         result.weights = self._weights(taken[:first].reshape(shape))
         return result

@@ -35,17 +35,26 @@ from .slopes import Line, Shot, image_slopes
 
 
 def crowds_everywhere(structure: Structure) -> bool:
-    """Whether nearly all pixels are crowds, as among many spheres."""
-    return structure.in_tree > settings.MOST_SEARCHED
+    """Whether all pixels with edges are crowds, as among many spheres, or dozens of mirrors."""
+    many = structure.in_tree > settings.MOST_SEARCHED
+    return many or structure.mirrors > settings.MOST_MIRRORS
 
 
 @frozen
 def labelled_image(
-    structure: Structure, parameters: Parameters, film: Film, limits: Limits
+    structure: Structure,
+    parameters: Parameters,
+    film: Film,
+    limits: Limits,
+    record: Record | None = None,
 ) -> tuple[Array, ...]:
     """A band's pixels, and the labels of its samples and of those in its margin, row by row.
 
     Where crowds are everywhere, the light of dim rays alone is the second image.
+
+    Args:
+        record: to be filled in where crowds are everywhere, with one sample a pixel. A sample's
+            number is that of its pixel; those in the margin share the last number.
     """
     scene, frame = prepare(structure, parameters, film.size)
     labels = dr.empty(ad.UInt64 if weights_vary(scene) else ad.UInt32, film.labels)
@@ -57,7 +66,12 @@ def labelled_image(
     def of_sample(x, y, i, j):
         ray = sample_ray(frame, film, x, y, i, j)
         if in_parts:
-            *colors, label = labelled_in_parts(scene, ray, limits, _dim(limits), levels)
+            inside = (x >= 0) & (y >= 0) & (x < film.width) & (y < film.rows)
+            note = None
+            if record is not None:
+                number = dr.select(inside, ad.UInt32(y * film.width + x), record.samples - 1)
+                note = partial(record.write, number)
+            *colors, label = labelled_in_parts(scene, ray, limits, _dim(limits), levels, note)
         else:
             *colors, label = labelled_radiance(scene, ray, limits, levels=levels)
         place = ((y + film.margin) * film.side + j) * row + (x + film.margin) * film.side + i
@@ -107,16 +121,19 @@ def labelled_samples(
     y: Array,
     bright: Array,
     record: Record | None = None,
+    number: Array | None = None,
 ) -> tuple[Array, Array]:
     """Radiance of samples at image positions, and their labels.
 
     Args:
         bright: Bool: without that of dim rays.
         record: of the samples, to be filled in.
+        number: of each sample in the record [default: that of its lane].
     """
     scene, frame = prepare(structure, parameters, size)
     least, lane = dr.select(bright, _dim(limits), 0), dr.arange(ad.UInt32, dr.width(x))
-    note = partial(record.write, lane) if record is not None else None
+    place = lane if number is None else number
+    note = partial(record.write, place) if record is not None else None
     ray = image_ray(frame, size, x, y)
     color, label = labelled_radiance(scene, ray, limits, least, note=note)
     return in_lanes(x, color), in_lanes(x, label)
@@ -180,15 +197,20 @@ def representative(
         which = numbered(where)
         return tuple(dr.gather(type(of), of, which, place > 0) for of in (color, label))
 
-    least = _dim(limits)
-    if limits.importance is not None:
-        least = dr.fmax(least, limits.importance)
     hits = None if record is None else record.hits(numbered(place))
     at_rest = [Direction(shot.scene, {})] * 2
     rays = image_slopes(shot, (x, y))
-    slopes = radiance_jvp(at_rest, *rays, replace(limits, importance=least), hits)
+    slopes = radiance_jvp(at_rest, *rays, without_dim_rays(limits), hits)
     around = [(traced(place - way), traced(place + way)) for way in (1, row)]
     return in_lanes(x, representation(traced(place), around, slopes, step))
+
+
+def without_dim_rays(limits: Limits) -> Limits:
+    """Limits that leave out the rays below `_dim`."""
+    least = _dim(limits)
+    if limits.importance is not None:
+        least = dr.fmax(least, limits.importance)
+    return replace(limits, importance=least)
 
 
 def _dim(limits: Limits) -> Array:

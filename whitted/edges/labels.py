@@ -184,9 +184,18 @@ def labelled_radiance(
 
 
 def labelled_in_parts(
-    scene: Scene, ray: Ray, limits: Limits, least: Array, levels: int
+    scene: Scene,
+    ray: Ray,
+    limits: Limits,
+    least: Array,
+    levels: int,
+    note: Callable[[Visit], None] | None,
 ) -> tuple[Array, Array, Array]:
-    """Radiance along rays, the part of it from nodes that weigh less than `least`, and labels."""
+    """Radiance along rays, the part of it from nodes that weigh less than `least`, and labels.
+
+    Args:
+        levels, note: as those of `labelled_radiance`.
+    """
 
     def step(node: Node, state: tuple[tuple[Array, Array], Halves]) -> tuple:
         seen = visit(scene, node, limits)
@@ -194,6 +203,8 @@ def labelled_in_parts(
         label, own = with_node(scene, seen, label, limits), emitted(scene, node.ray, seen.at)
         dim = dr.fma(dr.select(dr.abs(node.weight) < least, node.weight, 0), own, dim)
         light = dr.fma(node.weight, own, light)
+        if note is not None:
+            note(seen)
         return ((light, dim), label), seen.children, seen.traced
 
     dark = dr.zeros(type(ray.o), dr.width(ray))

@@ -33,7 +33,7 @@ def crowd_side(side: int, everywhere: bool = False) -> int:
     """Samples along the side of a pixel where edges crowd.
 
     Args:
-        everywhere: nearly all pixels are crowds.
+        everywhere: all pixels with edges are crowds.
     """
     return 2 * side if everywhere else {1: 4, 2: 10, 3: 12}.get(side, 4 * side)
 
@@ -56,7 +56,8 @@ def in_tiles(band: Band, pixels: np.ndarray) -> np.ndarray:
     """
     row, column = np.divmod(pixels, band.resolution[0])
     row = row + band.first_row
-    return pixels.take(np.lexsort((column & 1, row & 1, column >> 1, row >> 1)))
+    tile = (row >> 1) * (band.resolution[0] + 1) + (column >> 1)
+    return pixels.take(np.argsort((tile << 2) + ((row & 1) << 1) + (column & 1), kind="stable"))
 
 
 def crowd_means(band: Band, pixels: np.ndarray, dim: bool) -> Callable[[], np.ndarray]:
@@ -121,9 +122,9 @@ def pixels_to_refine(
 
     Args:
         ends: (2, N), the pixels of neighbours with different labels.
-        everywhere: as of `crowd_side`. With one sample a pixel, all pixels with edges are crowds.
+        everywhere: as of `crowd_side`: all pixels with edges are crowds.
     """
-    if everywhere and samples.side == 1:
+    if everywhere:
         # In a list of all pixels, which has one place more for those outside
         touched = np.zeros(samples.labels.size + 1, bool)
         touched[ends] = True
@@ -132,7 +133,7 @@ def pixels_to_refine(
     pixels = candidates(ends, samples.side)
     count = label_counts(samples, pixels)
     most = settings.MEETING[samples.side > 1]
-    if samples.side >= settings.ALL_SEARCHED_SIDE and not everywhere:
+    if samples.side >= settings.ALL_SEARCHED_SIDE:
         most = samples.labels.size
     return pixels[(count > 2) & (count <= most)], pixels[count > most]
 

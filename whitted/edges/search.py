@@ -11,6 +11,7 @@ from drjit.llvm import ad
 from ..core.arrays import Array
 from ..core.host import chunks, stacked, to_numpy
 from ..sampling.band import Band
+from ..tracing.record import Record
 from . import kernels, settings
 from .blocks import Block, block_means, coarse_blocks, coarse_side
 from .bounds import Cut, cut_off, numbers_of
@@ -23,6 +24,7 @@ from .grid import (
     regular_samples,
     samples_inside,
 )
+from .lattice import Lattice, lattices, record_for, shares_samples
 from .locate import Crossing, Segment
 from .pairs import Crossings, Moves, Pairs, interleaved, pairs_of
 from .refinement import (
@@ -49,7 +51,9 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
             the other.
     """
     inputs = band.structure, band.parameters, band.film(margin=1), band.limits
-    flat, *dim, labels = kernels.labelled_image(*inputs)
+    shared = shares_samples(band)
+    record = record_for(band) if keep and shared else None
+    flat, *dim, labels = kernels.labelled_image(*inputs, record)
     image, side, width = flat.numpy(), band.side, band.resolution[0]
     grid = labels.numpy().reshape((band.rows + 2) * side, -1)
     few_alike = band.structure.few_alike
@@ -75,7 +79,7 @@ def correct(band: Band, keep: bool, report: Report) -> tuple[Array, list[Found]]
             search = _Search(part, keep, pixels, samples, np.union1d(meet, crowd), crowd[:0])
         else:
             search = _Search(part, keep, pixels, samples, meet, crowd)
-        means = search.crowds(*(light.numpy()[start * 3 : stop * 3] for light in dim))
+        means = search.crowds(record, *(light.numpy()[start * 3 : stop * 3] for light in dim))
         search.run(*neighbours)
         pixels.reshape(-1, 3)[search.crowded] = means()
         if keep:
@@ -100,7 +104,8 @@ def _parts(
     """
     finer, width = finer_side(band.side) ** 2, band.resolution[0]
     dense = finer if searched else crowd_side_of(band) ** 2 // 16
-    if ends.shape[1] + finer * refined.size + dense * crowded.size <= settings.SEARCHED:
+    whole = ends.shape[1] + finer * refined.size + dense * crowded.size <= settings.SEARCHED
+    if whole or shares_samples(band):
         yield 0, band.rows
         return
     cost = np.bincount(np.maximum(*ends) // width, minlength=band.rows)
@@ -137,12 +142,17 @@ class _Search:
         # Single samples beside edges that are not found. With more samples such edges are slight
         self.lost: list[np.ndarray] = [np.zeros(0, np.int64)]
         self.cut: Cut = np.zeros(0, np.int64), np.zeros((3, 0), bool)
-        self.coarse: list[Block] | None = None  # samples of crowds, if the image takes them
+        # Samples of crowds, if the image takes them
+        self.coarse: list[Block] | None = None
+        self.lattices: list[Lattice] = []
 
-    def crowds(self, dim: np.ndarray | None = None) -> Callable[[], np.ndarray]:
+    def crowds(
+        self, record: Record | None, dim: np.ndarray | None = None
+    ) -> Callable[[], np.ndarray]:
         """Begin to trace the pixels that are not searched.
 
         Args:
+            record: of the samples so far, if they are shared.
             dim: the light of dim rays in all pixels, where edges crowd in nearly all.
 
         Returns:
@@ -151,13 +161,18 @@ class _Search:
         band, pixels = self.band, self.crowded
         if dim is None:
             return crowd_means(band, pixels, band.structure.reflects)
+        own = dim.reshape(-1, 3).take(pixels, 0)
+        if shares_samples(band):
+            color = self.image.reshape(-1, 3).take(pixels, 0) - own
+            labels = self.samples.labels[0, 1:-1, 1:-1].ravel().take(pixels)
+            self.lattices = lattices(band, pixels, color, labels, record)
+            return lambda: np.concatenate([own[:0], *(x.means() for x in self.lattices)]) + own
         if self.keep and coarse_side(band) == crowd_side_of(band):
             # The derivatives' samples are those of the image
             self.coarse = coarse_blocks(band, pixels)
             bright: Callable[[], np.ndarray] = partial(block_means, self.coarse, band.dtype)
         else:
             bright = crowd_means(band, pixels, False)
-        own = dim.reshape(-1, 3).take(pixels, 0)
         return lambda: bright() + own
 
     def run(self, a: np.ndarray, b: np.ndarray, ends: np.ndarray) -> None:
@@ -188,7 +203,8 @@ class _Search:
         """What the derivatives of the pixels need."""
         lost = np.concatenate(self.lost)
         anew = self.refined, self.fine, self.crowded
-        return Found(self.band, *anew, self.crossed, lost, self.cut, self.coarse)
+        crowds = self.coarse, self.lattices
+        return Found(self.band, *anew, self.crossed, lost, self.cut, *crowds)
 
     def trace(
         self, fine: Samples, places: np.ndarray
