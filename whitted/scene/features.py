@@ -9,7 +9,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
-from ..shapes import SHAPES
+from ..shapes import SHAPES, Sphere
 from ..shapes.places import Places, places_of
 from .material import Material
 from .parameters import Location
@@ -110,6 +110,17 @@ def reflects(scene: "Contents") -> bool:
 def sends_rays(scene: "Contents", material: Material) -> bool:
     """Whether a material can send a reflected ray, as mirrors do, and glass by total reflection."""
     return may(scene, material, "reflection") or may(scene, material, "refraction")
+
+
+def mirrors(scene: "Contents") -> int:
+    """How many spheres mirror and let no light through."""
+    opaque = {
+        material.name
+        for material in scene.materials
+        if may(scene, material, "reflection") and not may(scene, material, "refraction")
+    }
+    single = sum(shape.material in opaque for shape in scene.singles if isinstance(shape, Sphere))
+    return single + sum(own.count for own in scene.sources if own.material in opaque)
 
 
 def refracts(scene: "Contents") -> bool:

@@ -9,7 +9,7 @@ from ..core.arrays import Array
 from ..core.packed import Layout
 from ..core.pytree import put_together, take_apart
 from ..shapes.many import ManySpheres
-from .features import Features, can_be_recorded, reflects, sends_rays
+from .features import Features, can_be_recorded, mirrors, reflects
 from .many import OF_MANY, materials_of_many
 from .parameters import Location
 
@@ -33,9 +33,7 @@ class Structure:
         # How many spheres a tree finds. With some, few trees of rays are equal
         self.in_tree = scene.sources[-1].rows.stop if scene.sources else 0
         self.few_alike = self.in_tree > 0
-        # How many of them send rays
-        sending = {material.name for material in scene.materials if sends_rays(scene, material)}
-        self.mirrors = sum(own.count for own in scene.sources if own.material in sending)
+        self.mirrors = mirrors(scene)
         # What rays meet there is kept for derivatives
         self.recorded = self.in_tree > 0 and can_be_recorded(scene)
         self.precision = scene.precision
