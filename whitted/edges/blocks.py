@@ -198,16 +198,21 @@ class Block:
         a, b, _ = self.pairs
         in_ring = self.pixel.take(a) < 0
         own, other = np.flatnonzero(~in_ring), np.flatnonzero(in_ring)
-        # By place and direction, where a pair is in the list. One whose a is in the ring looks for
-        # the same pair in the block that has a inside
-        key = 2 * self.inner.take(a) + (b - a > 1)
-        listed = np.full(2 * len(self.x), -1)
-        listed[key.take(own)] = own
-        same = listed.take(key.take(other))
-        places = np.where([~in_ring, in_ring], a, -1)
-        places[1, same[same >= 0]] = a.take(other[same >= 0])
-        kept = np.concatenate([own, other[same < 0]])
-        return a.take(kept), b.take(kept), places.take(kept, 1)
+        # By direction and place, where a pair is in the list, counted from 1. One whose a is in the
+        # ring looks for the same pair in the block that has a inside
+        key = np.where(b - a > 1, len(self.x), 0)
+        listed = np.zeros(2 * len(self.x), np.int32)
+        listed[(key + a).take(own)] = 1 + own
+        ring = a.take(other)
+        same = listed.take(key.take(other) + self.inner.take(ring)) - 1
+        found = same >= 0
+        in_other = np.full(len(a), -1)
+        in_other[same[found]] = ring[found]
+        rest = ring[~found]
+        first = np.concatenate([a.take(own), rest])
+        second = np.concatenate([b.take(own), b.take(other[~found])])
+        owner = np.concatenate([a.take(own), np.full(rest.size, -1)])
+        return first, second, np.stack([owner, np.concatenate([in_other.take(own), rest])])
 
     def _order(self, labels: np.ndarray) -> np.ndarray:
         return walk_order(labels, self.band.structure.few_alike)

@@ -66,9 +66,9 @@ SEARCHED_SIDE, ALL_SEARCHED_SIDE = 4, 5
 # pixels with edges are crowds. They get twice the samples along a side that other pixels have, and
 # are never searched: that takes minutes, and among mirrors the derivatives of single samples are
 # too large by far. Among 60 of them derivatives of a search err by 1.2 to 2.2, those of crowds by
-# 0.5 to 0.3, in a sixth of the time; among 8, by 0.5 to 8 and by 0.2 to 0.8. Images err by 1.6 to 3
+# 0.5 to 0.3, in a sixth of the time; among 8, by 0.2 to 8 and by 0.2 to 0.8. Images err by 1.6 to 3
 # times as much as those of a search.
-MOST_SEARCHED, MOST_MIRRORS = 256, 8
+MOST_SEARCHED, MOST_MIRRORS = 256, 5
 # In pixels where edges crowd, the edge between two samples is left out if their radiance
 # differs by less than this part of the greatest radiance in the pixel.
 LEAST_CONTRAST = 1 / 32
