@@ -8,10 +8,13 @@ import re
 import drjit as dr
 import numpy as np
 import pytest
+from drjit.llvm import ad
 from gradcheck import SUM, adjoint_error, compare, directions, jvp, vjp
 from samples import CAMERA, LIGHT, SECOND_LIGHT, SHIPPED, SKY, SUN, disc, plane, sphere
 from samples import render_plain as render
 
+from whitted.autodiff.changed import changed
+from whitted.core.ray import NONE, Ray
 from whitted.lights import DirectionalLight
 from whitted.scene.files import load_scene
 
@@ -292,3 +295,34 @@ def test_what_a_kernel_takes_may_depend_on_several_parameters(load, image_of, mo
     image, values = image_of(loaded), loaded.parameters(name)
     check_differences(image, values, directions(values), name)
     assert adjoint_error(image, values, directions(values)) < SUM
+
+
+def test_what_nothing_depends_on_has_derivatives_of_zero_and_changes_no_other(image_of):
+    """The index of an opaque wall that reflects nothing, and the shininess of a matte one."""
+    scene = load_scene("cornell", precision="double")
+    idle = ["materials.white.ior", "materials.red.shininess", "materials.mirror.ior"]
+    # The mirror's highlight has a shininess that matters
+    names = ["spheres.mirror.center", "materials.glass.ior", "materials.mirror.shininess"]
+    found = []
+    for chosen in (names, names + idle):
+        image, values = image_of(scene, resolution=(16, 16)), scene.parameters(*chosen)
+        found.append(vjp(image, values, np.ones((16, 16, 3))))
+    assert all(np.all(found[1][name] == 0) for name in idle)
+    for name in names:
+        assert np.any(found[0][name] != 0)
+        np.testing.assert_array_equal(found[1][name], found[0][name])
+
+
+def test_rays_reach_what_changes_or_sends_rays_on(load):
+    text = SKY + CAMERA + MATERIALS + "[materials.matte]\ncolor = [0.5, 0.5, 0.5]\n"
+    for x, name, made in ((0, "moves", "mirror"), (2, "mirrors", "mirror")):
+        text += sphere([x, 0, 0], 0.5, made, name)
+    for x, name in ((4, "still"), (6, "grows")):
+        text += sphere([x, 0, 0], 0.5, "matte", name)
+    scene = load(text)
+    names = [scene.structure.names[f"spheres.{name}.radius"] for name in ("moves", "grows")]
+    kernel, vector = scene.structure.filled(scene.inputs()), scene.precision.vector
+    origin = vector(dr.arange(scene.precision.real, 5) * 2, 0, 5)
+    ray = Ray(origin, vector(0, 0, -1), ad.UInt(NONE), ad.Bool(False))
+    reached = changed(kernel, names).reached(kernel, ray)
+    assert reached.numpy().tolist() == [True, True, False, True, False]

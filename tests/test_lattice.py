@@ -11,6 +11,7 @@ import whitted as wt
 from whitted.edges import kernels, settings
 from whitted.edges.lattice import shares_samples
 from whitted.rendering.job import BoundaryJob
+from whitted.view.marks import label_edges
 
 GLASS = {"refraction": 0.7, "reflection": 0.3, "color": (0, 0, 0), "ior": 1.3}
 MATTE = {"reflection": 0}
@@ -123,3 +124,10 @@ def test_pixels_share_samples_among_many_spheres_or_dozens_of_mirrors(
     count, material, side, shares
 ):
     assert shares_samples(band_of(balls(count, **material), side)) == shares
+
+
+def test_edges_of_labels_are_shown_among_many_spheres():
+    """The page marks them; the kernel's images are two there."""
+    scene = balls()
+    marked = label_edges(scene, scene.resolution, scene.max_depth).numpy()
+    assert 0 < np.count_nonzero(marked) < marked.size
