@@ -98,12 +98,9 @@ class Block:
 
     def _record(self, samples: int) -> Record | None:
         """What the samples will meet, where it is kept."""
-        structure = self.band.structure
-        nodes = self.band.limits.capacity if structure.reflects else 1
-        fits = samples * nodes <= MOST_NODES
-        if structure.recorded and fits:
-            return Record.of(structure.precision, samples, nodes)
-        return None
+        structure, nodes = self.band.structure, self.band.nodes
+        fits = structure.recorded and samples * nodes <= MOST_NODES
+        return Record.of(structure.precision, samples, nodes) if fits else None
 
     def _inner(self) -> np.ndarray:
         """For each place in a ring, the place of the same sample inside of another block; where no

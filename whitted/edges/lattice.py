@@ -43,10 +43,9 @@ def shares_samples(band: Band) -> bool:
 def record_for(band: Band) -> Record | None:
     """A record for all samples that a band may have, where what they meet is kept."""
     structure, columns = band.structure, band.resolution[0]
-    nodes = band.limits.capacity if structure.reflects else 1
     samples = band.rows * columns + 3 * (band.rows + 1) * (columns + 1)
-    fits = structure.recorded and samples * nodes <= MOST_NODES
-    return Record.of(structure.precision, samples, nodes) if fits else None
+    fits = structure.recorded and samples * band.nodes <= MOST_NODES
+    return Record.of(structure.precision, samples, band.nodes) if fits else None
 
 
 def lattices(

@@ -40,6 +40,11 @@ class Band:
         return film_of(self.resolution, self.first_row, self.rows, self.side, precision, margin)
 
     @cached_property
+    def nodes(self) -> int:
+        """Nodes of a sample's chain of rays, at most."""
+        return int(self.limits.depth.numpy()[0]) if self.structure.reflects else 1
+
+    @cached_property
     def inner(self) -> Film:
         """The film without a margin."""
         return self.film()
