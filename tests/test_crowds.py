@@ -199,12 +199,12 @@ def test_the_derivative_of_a_crowd_comes_closer_with_the_samples(load):
     assert errors[1] < 0.3, errors
 
 
-def test_among_many_spheres_crowds_have_four_times_the_samples_and_are_not_searched():
+def test_among_much_glass_crowds_have_four_times_the_samples_and_are_not_searched():
     def band(count):
         rows = np.random.default_rng(0).uniform(0.1, 1, (count, 4))
-        matte = wt.Material("matte", color=(0.5, 0.5, 0.5))
+        glass = wt.Material("glass", refraction=1)
         eye = wt.Camera(position=(0, 0, 5), look_at=(0, 0, 0), fov=40, resolution=(16, 16))
-        scene = wt.Scene(eye, clouds=[wt.Cloud(spheres=rows, material=matte)])
+        scene = wt.Scene(eye, clouds=[wt.Cloud(spheres=rows, material=glass)])
         job = BoundaryJob(scene, scene.given, (16, 16), 2, 4, None)
         return job.band(0, 16)
 

@@ -33,7 +33,7 @@ def nine_samples(scene):
     return np.moveaxis(windows, 0, -1)
 
 
-@pytest.mark.parametrize("material", [{}, MATTE])
+@pytest.mark.parametrize("material", [{}, GLASS])
 def test_a_pixel_is_the_mean_of_the_squares_between_nine_samples(material):
     scene = balls(**material)
     image, nine = wt.render(scene).numpy(), nine_samples(scene)
@@ -45,7 +45,7 @@ def test_a_pixel_is_the_mean_of_the_squares_between_nine_samples(material):
     assert shared.mean() > 0.3
 
 
-@pytest.mark.parametrize("material", [{}, MATTE, GLASS])
+@pytest.mark.parametrize("material", [{}, GLASS])
 def test_derivatives_agree_in_both_modes(material):
     *one_by_one, along = gradients(balls(**material), (CENTER, RADIUS))
     size = sum(np.abs(own).sum() for own in one_by_one)
@@ -91,7 +91,7 @@ def random_step(scene):
 
 
 def test_derivatives_come_closer_with_the_samples():
-    scene = balls(**MATTE)
+    scene = balls().replace({"max_depth": 2, "camera.resolution": (48, 40)})
     step = random_step(scene)
     sharp = along(scene, step, 64)
     errors = [image_error(along(scene, step, spp), sharp) for spp in (1, 4, 16)]
@@ -116,13 +116,12 @@ def test_derivatives_among_mirrors_have_no_spikes(spp):
         (settings.MOST_MIRRORS, {}, 1, False),
         (settings.MOST_MIRRORS + 1, {}, 1, True),
         (settings.MOST_MIRRORS + 1, {}, 2, False),
-        (settings.MOST_SEARCHED, MATTE, 1, False),
-        (settings.MOST_SEARCHED + 1, MATTE, 1, True),
+        (settings.MOST_SEARCHED, GLASS, 1, False),
+        (settings.MOST_SEARCHED + 1, GLASS, 1, True),
+        (settings.MOST_SEARCHED + 1, MATTE, 1, False),
     ],
 )
-def test_pixels_share_samples_among_many_spheres_or_dozens_of_mirrors(
-    count, material, side, shares
-):
+def test_pixels_share_samples_among_some_mirrors_or_much_glass(count, material, side, shares):
     assert shares_samples(band_of(balls(count, **material), side)) == shares
 
 

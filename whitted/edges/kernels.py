@@ -35,8 +35,8 @@ from .slopes import Line, Shot, image_slopes
 
 
 def crowds_everywhere(structure: Structure) -> bool:
-    """Whether all pixels with edges are crowds, as among many spheres, or dozens of mirrors."""
-    many = structure.in_tree > settings.MOST_SEARCHED
+    """Whether all pixels with edges are crowds, as among some mirrors, or much glass."""
+    many = structure.reflects and structure.in_tree > settings.MOST_SEARCHED
     return many or structure.mirrors > settings.MOST_MIRRORS
 
 
