@@ -22,7 +22,7 @@ from ..scene.features import weights_vary
 from ..scene.structure import Structure
 from ..tracing.node import Limits
 from ..tracing.primary import image_ray
-from ..tracing.record import Record
+from ..tracing.record import Hits, Record
 from . import settings
 from .between import Between, edge_between
 from .events import reaching
@@ -198,19 +198,19 @@ def representative(
         return tuple(dr.gather(type(of), of, which, place > 0) for of in (color, label))
 
     hits = None if record is None else record.hits(numbered(place))
-    at_rest = [Direction(shot.scene, {})] * 2
-    rays = image_slopes(shot, (x, y))
-    slopes = radiance_jvp(at_rest, *rays, without_dim_rays(limits), hits)
+    slopes = slopes_at(shot, x, y, hits)
     around = [(traced(place - way), traced(place + way)) for way in (1, row)]
     return in_lanes(x, representation(traced(place), around, slopes, step))
 
 
-def without_dim_rays(limits: Limits) -> Limits:
-    """Limits that leave out the rays below `_dim`."""
-    least = _dim(limits)
-    if limits.importance is not None:
-        least = dr.fmax(least, limits.importance)
-    return replace(limits, importance=least)
+def slopes_at(shot: Shot, x: Array, y: Array, hits: Hits | None) -> tuple[Array, ...]:
+    """The slopes of radiance in the image, to the right and down, without that of dim rays."""
+    least = _dim(shot.limits)
+    if shot.limits.importance is not None:
+        least = dr.fmax(least, shot.limits.importance)
+    limits = replace(shot.limits, importance=least)
+    at_rest = [Direction(shot.scene, {})] * 2
+    return radiance_jvp(at_rest, *image_slopes(shot, (x, y)), limits, hits)
 
 
 def _dim(limits: Limits) -> Array:

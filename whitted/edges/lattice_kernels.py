@@ -3,7 +3,6 @@
 import drjit as dr
 import numpy as np
 
-from ..autodiff.forward import Direction, radiance_jvp
 from ..core.arrays import Array, Parameters
 from ..core.frozen import frozen
 from ..sampling.differentiated import prepare
@@ -12,10 +11,10 @@ from ..scene.structure import Structure
 from ..tracing.node import Limits
 from ..tracing.record import Record
 from . import settings
-from .kernels import without_dim_rays
+from .kernels import slopes_at
 from .labels import labels_differ
 from .representation import Sample, representation
-from .slopes import Shot, image_slopes
+from .slopes import Shot
 
 # The place of a pixel's sample in the middle, and those of the others; see `lattice.py`
 MIDDLE, AROUND = 4, (0, 1, 2, 3, 5, 6, 7, 8)
@@ -98,8 +97,6 @@ def represented(
     shot = Shot(*prepare(structure, parameters, size), size, limits)
     _, above, _, left, at, right, _, below, _ = _nine((middle, own), color, label, slots)
     hits = None if record is None else record.hits(number)
-    at_rest = [Direction(shot.scene, {})] * 2
-    rays = image_slopes(shot, (x, y))
-    slopes = radiance_jvp(at_rest, *rays, without_dim_rays(limits), hits)
+    slopes = slopes_at(shot, x, y, hits)
     around = [(left, right), (above, below)]
     return in_lanes(x, representation(at, around, slopes, type(x)(0.5)))
