@@ -4,8 +4,10 @@ import gc
 from dataclasses import dataclass
 
 import drjit as dr
+import numpy as np
 from drjit.llvm import ad
 
+import whitted as wt
 from whitted.core.frozen import frozen
 
 
@@ -60,3 +62,30 @@ def test_garbage_is_not_collected_while_a_function_is_recorded():
     assert doubled(dr.opaque(ad.Float, 3)).numpy() == [6]
     assert collects == [False]
     assert gc.isenabled()
+
+
+def test_a_scene_is_the_same_after_a_function_that_the_user_freezes():
+    """Within it, a scene's numbers are not known."""
+    scene = wt.load_scene("cornell")
+    name, size = "materials.white.color", {"resolution": (12, 8), "boundary": False}
+    white = scene.parameters(name)[name]
+
+    @dr.freeze
+    def render(color):
+        return wt.render(scene.replace({name: color}), **size)
+
+    def numbers(color):
+        return wt.render(scene.replace({name: color}), **size).numpy()
+
+    for factor in (1, 0.5, 0.25):
+        color = white * factor
+        dr.make_opaque(color)
+        frozen_image = render(color).numpy()
+        np.testing.assert_array_equal(frozen_image, numbers(color))
+    # Rendered there first, a scene that is not replaced stays the same
+    fresh = wt.load_scene("cornell")
+    darker = dr.freeze(lambda x: wt.render(fresh, **size) * x)
+    darker(dr.opaque(ad.Float, 0.5))
+    np.testing.assert_array_equal(
+        wt.render(fresh, **size).numpy(), wt.render(scene, **size).numpy()
+    )

@@ -1,4 +1,4 @@
-"""Pixels where edges crowd, where they do so in nearly all pixels, and with one sample a pixel.
+"""Crowds with one sample a pixel, where all pixels with edges are crowds.
 
 Samples are at the pixels' corners and in the middles of their sides. Pixels share them, so that
 with the sample in its middle each pixel has nine, and only three more of them are traced. A

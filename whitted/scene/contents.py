@@ -246,14 +246,19 @@ class Contents(Surroundings):
             arrays[SPHERES] = attached_spheres(self, self.tree.arrays[SPHERES])
         return arrays
 
-    @cached_property
+    @property
     def given(self) -> Apart:
         """What kernels are given: `inputs`, without gradients."""
-        if is_recording():
-            inputs = dr.detach(self.inputs())
-            # Opaque: each literal value would be compiled into a kernel of its own
-            dr.make_opaque(inputs)
-            return Apart(inputs)
+        if not is_recording():
+            return self._packed
+        inputs = dr.detach(self.inputs())
+        # Opaque: each literal value would be compiled into a kernel of its own
+        dr.make_opaque(inputs)
+        return Apart(inputs)
+
+    @cached_property
+    def _packed(self) -> Apart:
+        """`given` where the numbers are known."""
         numbers = [self.numbers[name] for name in self.structure.names]
         numbers.append(self.camera.up)
         return packed(self.structure.layout, numbers, self.precision, self._of_many())
