@@ -1,4 +1,4 @@
-"""Pixels that share samples, among many spheres and with one sample a pixel."""
+"""Pixels that share samples: with one sample a pixel, among some mirrors or much glass."""
 
 import drjit as dr
 import numpy as np

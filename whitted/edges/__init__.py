@@ -39,7 +39,7 @@ The method, on the regular grid of samples with spacing h:
    adaptive subdivision: Whitted 1980). Where there are few labels, edges meet, and the finer
    samples are searched with the same method. Where there are more, edges crowd. There the pixel is
    the mean of its samples, and in derivatives an edge between two of them is told from these two
-   alone (`between.py`, `blocks.py`; among many spheres `lattice.py`).
+   alone (`between.py`, `blocks.py`; for pixels that share samples, `lattice.py`).
 7. What edges moved into a pixel and out of it is cut off at the range of the radiance that the
    pixel's samples saw (`bounds.py`).
 8. Where edges crowd, a sample's derivative counts as far as its neighbours confirm it

@@ -107,7 +107,7 @@ class Lattice:
         slot = np.full(3 * (self.band.rows + 1) * (self.band.resolution[0] + 1), -1, np.int32)
         slot[own] = np.arange(own.size)
         others = [self.first + self.offsets[place] for place in OTHERS]
-        rest = np.unique(np.concatenate([own[slot.take(own) < 0] for own in others]))
+        rest = np.unique(np.concatenate([number[slot.take(number) < 0] for number in others]))
         slot[rest] = own.size + np.arange(rest.size)
         slots = dict(zip(OTHERS, (slot.take(number) for number in others), strict=True))
         begin = len(OWN) * np.arange(len(self.pixels))
@@ -154,7 +154,7 @@ class Lattice:
         listed[self.pixels] = np.arange(count)
 
         def beside(step: int, legal: np.ndarray) -> np.ndarray:
-            """The pixel that many numbers further, or -1 if it is not in the list."""
+            """The pixel so many numbers further on, or -1 if it is not in the list."""
             other = np.where(legal, self.pixels + step, -1)
             return np.where(listed.take(other) >= 0, other, -1)
 

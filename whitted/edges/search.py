@@ -153,7 +153,7 @@ class _Search:
 
         Args:
             record: of the samples so far, if they are shared.
-            dim: the light of dim rays in all pixels, where edges crowd in nearly all.
+            dim: the light of dim rays in all pixels, where all with edges are crowds.
 
         Returns:
             A function that waits for the pixels' radiance: (N, 3).

@@ -33,6 +33,7 @@ class Structure:
         # How many spheres a tree finds. With some, few trees of rays are equal
         self.in_tree = scene.sources[-1].rows.stop if scene.sources else 0
         self.few_alike = self.in_tree > 0
+        # How many balls mirror
         self.mirrors = mirrors(scene)
         # What rays meet there is kept for derivatives
         self.recorded = self.in_tree > 0 and can_be_recorded(scene)
