@@ -1,6 +1,6 @@
 """Levenberg and Marquardt's method on small problems, against SciPy's."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import numpy as np
@@ -30,6 +30,11 @@ class Problem:
     high: tuple = ()
 
     views = (SimpleNamespace(resolution=(1, 1)),)
+
+    @property
+    def total(self):
+        """Residuals; the loss is half the sum of their squares."""
+        return len(self.residuals(np.array(self.start)))
 
     @property
     def bounds(self):
@@ -94,10 +99,11 @@ PROBLEMS = {
 }
 
 
-def search_for(problem):
+def search_for(problem, least_errors=0.0):
     n = len(problem.start)
     labels = [f"x{k}" for k in range(n)]
-    return Search(*map(np.array, problem.bounds), np.ones(n), 1e-10, labels, lambda step: None)
+    ends = 1e-10, least_errors
+    return Search(*map(np.array, problem.bounds), np.ones(n), *ends, labels, lambda step: None)
 
 
 def minimum(problem, iterations=500):
@@ -113,6 +119,38 @@ def test_a_try_ends_with_the_budget():
     x, stopped = levenberg_marquardt(search, problem, np.array(problem.start, float), 500, 0)
     assert stopped == "budget used up"
     assert tuple(x) == problem.start
+
+
+@pytest.mark.parametrize("name", ["line", "decay", "circle"])
+def test_steps_far_below_the_standard_errors_end_the_search(name):
+    problem, least = PROBLEMS[name], 0.1
+    start = np.array(problem.start, float)
+    found, stopped = levenberg_marquardt(search_for(problem, least), problem, start, 500, 0)
+    assert stopped == "converged: steps are far below the standard errors"
+    loss, _, curvature = problem.normal_equations(expected(problem))
+    off = found - expected(problem)
+    # Steps fall by more than half each, so that the rest is shorter than the one not taken
+    assert off @ curvature @ off < least**2 * 2 * loss / problem.total
+
+
+@dataclass(frozen=True)
+class Noisy(Problem):
+    """A problem whose loss grows by any step from the start, as where noise drowns the slope."""
+
+    tries: list = field(default_factory=list)
+
+    def loss(self, x):
+        self.tries.append(x)
+        return super().loss(np.array(self.start)) + 1e-3
+
+
+def test_a_search_ends_after_few_tries_where_no_step_lowers_the_loss():
+    problem = Noisy(decay, of_decay, (1, 0.1))
+    found, stopped = minimum(problem)
+    assert stopped == "converged: no step lowers the loss"
+    assert tuple(found) == problem.start
+    # Each step is about a tenth of the one before, once the damping is above 1: from 0.1 to 1e6
+    assert len(problem.tries) <= 9
 
 
 def expected(problem):

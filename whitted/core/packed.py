@@ -65,6 +65,7 @@ def joined(values: Parameters, precision: Precision) -> Array:
     for value in values.values():
         numbers += list(value) if dr.depth_v(value) == 2 else [value]
     flat = dr.empty(precision.real, len(numbers))
+    # Told that each goes to its own place, Dr.Jit takes one kernel for all
     for k, number in enumerate(numbers):
-        dr.scatter(flat, number, ad.UInt32(k))
+        dr.scatter(flat, number, ad.UInt32(k), mode=dr.ReduceMode.NoConflicts)
     return flat

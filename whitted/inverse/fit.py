@@ -93,7 +93,8 @@ def fit(
         boundary, max_depth: as of `render`. With boundary=False only samples are differentiated,
             which fails at edges.
         resolution: width and height of the target, in place of the scene's.
-        tolerance: an "lm" fit ends when a step is below this part of each number's scale.
+        tolerance: an "lm" fit ends when a step is below this part of each number's scale, or
+            shorter than a tenth of the numbers' standard error.
         progress: show a bar on standard error, if that is a terminal.
         callback: called after each iteration.
 

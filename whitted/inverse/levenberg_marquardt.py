@@ -9,14 +9,15 @@ from .loss import Objective
 from .search import LATE, NO_SLOPE, Search
 
 # The first damping. It falls by FALL after a good step and grows by GROWTH after a bad one, and
-# stays between LEAST and MOST
-DAMPING, FALL, GROWTH, LEAST, MOST = 1e-3, 5, 4, 1e-7, 1e6
+# stays between LEAST and MOST. After a bad step it is at least AGAIN: less hardly changes the step
+DAMPING, FALL, GROWTH, LEAST, MOST, AGAIN = 1e-3, 5, 10, 1e-7, 1e6, 0.1
 # The least damping of all: it keeps the matrix regular where two numbers do the same
 REGULAR = 1e-9
 # Of a direction along which pictures do not change: its part of the largest change
 NULL = 1e-6
-# A coarse fit ends at this many times the tolerance: the next fit does the rest
-COARSE = 100
+# A coarse fit ends at this many times the tolerance, and this many times the least step in standard
+# errors: the next fit does the rest
+COARSE, COARSE_ERRORS = 100, 10
 
 
 def levenberg_marquardt(
@@ -32,6 +33,7 @@ def levenberg_marquardt(
     """
     damping = DAMPING
     tolerance = search.tolerance * (COARSE if level else 1)
+    least = search.least_errors * (COARSE_ERRORS if level else 1)
     loss, slope, curvature = objective.normal_equations(x)
     search.record(objective, loss, x, slope, curvature.diagonal())
     for _ in range(iterations):
@@ -42,10 +44,14 @@ def levenberg_marquardt(
             if search.late:
                 return x, LATE
             after = search.bounded(x + _step(search, x, slope, curvature, damping))
-            if np.abs((after - x) / search.scale).max() < tolerance:
+            step = after - x
+            if np.abs(step / search.scale).max() < tolerance:
                 return x, "converged: steps are below the tolerance"
+            # Their covariance is (2 loss / total) A^-1
+            if step @ curvature @ step * objective.total < least**2 * 2 * loss:
+                return x, "converged: steps are far below the standard errors"
             taken = objective.loss(after) < loss
-            damping = max(damping / FALL, LEAST) if taken else damping * GROWTH
+            damping = max(damping / FALL, LEAST) if taken else max(damping * GROWTH, AGAIN)
         if not taken:
             return x, "converged: no step lowers the loss"
         x = after

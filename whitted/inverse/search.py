@@ -25,6 +25,7 @@ class Search:
     high: np.ndarray
     scale: np.ndarray  # a large change of each number
     tolerance: float  # ends Levenberg-Marquardt, in units of the scales
+    least_errors: float  # ends it as well: the length of a step, in standard errors
     labels: list[str]
     report: Callable[[Iteration], None]
     history: list[Iteration] = field(default_factory=list)
