@@ -21,7 +21,6 @@ from ..scene.structure import Structure
 from ..tracing.node import Limits
 from ..tracing.record import Record
 from . import kernels, settings
-from .bounds import Cut, places_among
 from .events import Event
 from .motion import Edge
 from .paths import Path
@@ -63,15 +62,6 @@ class MovingPoints:
         edge = {name: column.take(which) for name, column in self.edge.items()}
         x, y, pixel, change, jump = (getattr(self, name).take(which, -1) for name in COLUMNS)
         return MovingPoints(x, y, pixel, change, jump, edge)
-
-    def of_one_pixel(self, k: int, cut: Cut) -> "MovingPoints":
-        """The points as far as they change their pixel k, in channels that were not cut off."""
-        pixels, channels = cut
-        place, known = places_among(pixels, self.pixel[k])
-        here = known & channels[:, place]
-        only = (np.arange(2) == k)[:, None]
-        pixel, change = np.where(only, self.pixel, -1), np.where(only, self.change, 0)
-        return replace(self, pixel=pixel, change=change, jump=np.where(here, 0, self.jump))
 
 
 @dataclass(frozen=True)
@@ -236,15 +226,6 @@ class Correction:
 def _only(wrt: Names, directions: Directions) -> tuple[Parameters, ...]:
     """The tangents of the parameters of these names alone."""
     return tuple({name: tangents[name] for name in wrt} for tangents in directions)
-
-
-def joined(parts: list[MovingPoints]) -> MovingPoints:
-    """Several sets of points as one."""
-    edge = {name: np.concatenate([p.edge[name] for p in parts]) for name in parts[0].edge}
-    x, y, pixel, change, jump = (
-        np.concatenate([getattr(p, name) for p in parts], -1) for name in COLUMNS
-    )
-    return MovingPoints(x, y, pixel, change, jump, edge)
 
 
 def _unsigned(pixel: np.ndarray) -> np.ndarray:

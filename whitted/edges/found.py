@@ -12,8 +12,8 @@ from ..core.arrays import Array
 from ..sampling.band import Band
 from . import settings
 from .blocks import Block, coarse_blocks, with_finer
-from .bounds import Cut
-from .correction import Columns, Correction, MovingPoints, joined
+from .bounds import Cut, places_among
+from .correction import Columns, Correction, MovingPoints
 from .events import Kind
 from .grid import Samples
 from .lattice import Lattice
@@ -128,17 +128,24 @@ def _moving(crossed: Crossed, cut: Cut) -> MovingPoints:
 
     A pixel that was cut off does not follow its edges. The points beside one change one pixel each.
     """
-    found, here = crossed.crossings, rows_of(crossed.pairs, crossed.crossings.pair)
-    x = here.x + np.where(here.vertical, 0, found.along)
-    y = here.y + np.where(here.vertical, found.along, 0)
-    change = found.change * (here.pixel >= 0)
-    points = MovingPoints(x, y, here.pixel, change, found.jump, crossed.edge)
-    beside = np.isin(here.pixel, cut[0]).any(0)
-    if not beside.any():
+    pairs, found = crossed.pairs, crossed.crossings
+    x, y, vertical = (column.take(found.pair) for column in (pairs.x, pairs.y, pairs.vertical))
+    pixel = pairs.pixel.take(found.pair, 1)
+    x, y = x + np.where(vertical, 0, found.along), y + np.where(vertical, found.along, 0)
+    change = found.change * (pixel >= 0)
+    points = MovingPoints(x, y, pixel, change, found.jump, crossed.edge)
+    pixels, channels = cut
+    if not pixels.size:
         return points
+    ends = [places_among(pixels, own) for own in pixel]
+    beside = ends[0][1] | ends[1][1]
     both, one = np.flatnonzero(~beside), np.flatnonzero(beside)
-    parts = [points.some(both), *(points.some(one).of_one_pixel(k, cut) for k in range(2))]
-    return joined(parts)
+    points = points.some(np.concatenate([both, one, one]))
+    for k, (place, known) in enumerate(ends):
+        part = slice(both.size + k * one.size, both.size + (k + 1) * one.size)
+        points.pixel[1 - k, part], points.change[1 - k, part] = -1, 0
+        points.jump[:, part] *= ~(known.take(one) & channels[:, place.take(one)])
+    return points
 
 
 def columns_of(edge: Edge, which: np.ndarray) -> Columns:
