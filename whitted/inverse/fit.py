@@ -94,7 +94,7 @@ def fit(
             which fails at edges.
         resolution: width and height of the target, in place of the scene's.
         tolerance: an "lm" fit ends when a step is below this part of each number's scale, or
-            shorter than a tenth of the numbers' standard error.
+            shorter than the numbers' standard error.
         progress: show a bar on standard error, if that is a terminal.
         callback: called after each iteration.
 

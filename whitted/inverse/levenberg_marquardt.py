@@ -3,6 +3,8 @@
 Source: D. Marquardt, "An Algorithm for Least-Squares Estimation of Nonlinear Parameters" (1963).
 """
 
+import math
+
 import numpy as np
 
 from .loss import Objective
@@ -17,7 +19,10 @@ REGULAR = 1e-9
 NULL = 1e-6
 # A coarse fit ends at this many times the tolerance, and this many times the least step in standard
 # errors: the next fit does the rest
-COARSE, COARSE_ERRORS = 100, 10
+COARSE, COARSE_ERRORS = 100, 30
+# A step of up to so many times the least length is the last one: the next would be far shorter
+SHORT = 10
+BELOW_ERRORS = "converged: steps are below the standard errors"
 
 
 def levenberg_marquardt(
@@ -39,7 +44,7 @@ def levenberg_marquardt(
     for _ in range(iterations):
         if not curvature.any():
             return x, NO_SLOPE
-        taken = False
+        taken, short = False, False
         while not taken and damping < MOST:
             if search.late:
                 return x, LATE
@@ -47,18 +52,31 @@ def levenberg_marquardt(
             step = after - x
             if np.abs(step / search.scale).max() < tolerance:
                 return x, "converged: steps are below the tolerance"
-            # Their covariance is (2 loss / total) A^-1
-            if step @ curvature @ step * objective.total < least**2 * 2 * loss:
-                return x, "converged: steps are far below the standard errors"
-            taken = objective.loss(after) < loss
+            errors = _in_errors(step, curvature, 2 * loss / objective.total)
+            if errors < least:
+                return x, BELOW_ERRORS
+            lowered = objective.loss(after)
+            taken, short = lowered < loss, errors < SHORT * search.least_errors
             damping = max(damping / FALL, LEAST) if taken else max(damping * GROWTH, AGAIN)
         if not taken:
             return x, "converged: no step lowers the loss"
         x = after
         search.steps += 1
+        if short:
+            search.record(objective, lowered, x)
+            return x, BELOW_ERRORS
         loss, slope, curvature = objective.normal_equations(x)
         search.record(objective, loss, x, slope, curvature.diagonal())
     return x, "iterations used up"
+
+
+def _in_errors(step: np.ndarray, curvature: np.ndarray, variance: float) -> float:
+    """The length of a step in standard errors: the numbers' covariance is variance * A^-1.
+
+    Args:
+        variance: of a residual.
+    """
+    return math.sqrt(step @ curvature @ step / variance) if variance else math.inf
 
 
 def _step(
