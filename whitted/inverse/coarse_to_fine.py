@@ -24,7 +24,7 @@ from .search import LATE, Search
 DESCENTS = {"lm": levenberg_marquardt, "adam": adam}
 METHODS = ("auto", *DESCENTS)
 # Up to this many numbers, second-order steps cost less than the many first-order ones that they
-# replace. With 60, they take 7 s instead of 10 s (`benchmarks/recovery.py many`); that grows with
+# replace. With 60, they take 5 s instead of 8 s (`benchmarks/recovery.py many`); that grows with
 # the number. From FEW on they also need memory: so many derivatives of pixels take half a GiB
 MANY, FEW, DERIVATIVES = 100, 16, 1 << 26
 # A picture is not halved to fewer pixels along its shorter side
