@@ -11,12 +11,12 @@ Then come the costs of edges and of right gradients in plain images of this vers
 may be.
 """
 
-import json
 import os
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+from versions import Version
 
 HERE = Path(__file__).parent
 # A name for each scene, its file, and width and height
@@ -71,25 +71,6 @@ for line in sys.stdin:
 """
 
 
-class Version:
-    """A process that runs one version's calls."""
-
-    def __init__(self, folder: Path, cache: str) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", CALLS, str(folder.resolve())],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "DRJIT_CACHE_DIR": cache},
-        )
-
-    def milliseconds(self, *call: object) -> float:
-        assert self.process.stdin
-        assert self.process.stdout
-        print(json.dumps(call), file=self.process.stdin, flush=True)
-        return float(self.process.stdout.readline())
-
-
 def compare(versions: list[Version], rounds: int) -> dict[tuple, float]:
     """Print a line for each call, and return this version's fastest times."""
     fastest = {}
@@ -97,8 +78,8 @@ def compare(versions: list[Version], rounds: int) -> dict[tuple, float]:
     for name, file, size in SCENES:
         for kind in KINDS:
             asked = str(file), size, kind
-            first = [version.milliseconds(*asked) / 1e3 for version in versions]
-            turns = [[version.milliseconds(*asked) for version in versions] for _ in range(rounds)]
+            first = [version.ask(*asked) / 1e3 for version in versions]
+            turns = [[version.ask(*asked) for version in versions] for _ in range(rounds)]
             now, before = (min(times) for times in zip(*turns, strict=True))
             fastest[name, size, kind] = now
             label = f"{name}, {size[0]} x {size[1]}, {kind}"
@@ -114,12 +95,15 @@ def main() -> None:
     if not 2 <= len(sys.argv) <= 3:
         sys.exit(__doc__)
     rounds = int(sys.argv[2]) if len(sys.argv) > 2 else 30
-    with tempfile.TemporaryDirectory() as folder:
-        caches = [f"{folder}/{which}" for which in ("now", "before")]
+    with tempfile.TemporaryDirectory() as own:
+        caches = [f"{own}/{which}" for which in ("now", "before")]
         for cache in caches:
             os.mkdir(cache)
         folders = HERE.parent, Path(sys.argv[1])
-        versions = [Version(*pair) for pair in zip(folders, caches, strict=True)]
+        versions = [
+            Version(folder, CALLS, DRJIT_CACHE_DIR=cache)
+            for folder, cache in zip(folders, caches, strict=True)
+        ]
         fastest = compare(versions, rounds)
         for version in versions:
             version.process.kill()

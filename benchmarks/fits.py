@@ -8,13 +8,12 @@ the target has 16 samples a pixel. Times are medians, once all kernels are compi
 greatest of any number and start, in units of length and of the index.
 """
 
-import json
 import statistics
-import subprocess
 import sys
 from pathlib import Path
 
 from pareto import scene_file
+from versions import Version
 
 HERE = Path(__file__).parent
 # Scenes, pixels along the longer side, and what is fitted
@@ -70,40 +69,20 @@ for line in sys.stdin:
 """
 
 
-class Version:
-    """A process that runs one version's fits."""
-
-    def __init__(self, folder: Path) -> None:
-        constants = f"LENGTH, INDEX = {LENGTH}, {INDEX}\n"
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", constants + CALLS, str(folder.resolve())],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-
-    def fit(self, *asked: object) -> tuple[float, float]:
-        """Seconds, and the greatest error."""
-        assert self.process.stdin
-        assert self.process.stdout
-        print(json.dumps(asked), file=self.process.stdin, flush=True)
-        seconds, off = json.loads(self.process.stdout.readline())
-        return seconds, off
-
-
 def main() -> None:
     if not 2 <= len(sys.argv) <= 3:
         sys.exit(__doc__)
     starts = int(sys.argv[2]) if len(sys.argv) > 2 else 3
-    versions = [Version(folder) for folder in (HERE.parent, Path(sys.argv[1]))]
+    code = f"LENGTH, INDEX = {LENGTH}, {INDEX}\n" + CALLS
+    versions = [Version(folder, code) for folder in (HERE.parent, Path(sys.argv[1]))]
     print("| scene | now, s | before, s | faster | error now | error before |")
     print("|---|--:|--:|--:|--:|--:|")
     gains = []
     for name, (longer, *names) in FITS.items():
         asked = str(scene_file(name)), longer, names
         for version in versions:
-            version.fit(*asked, 0)
-        turns = [[version.fit(*asked, seed) for version in versions] for seed in range(starts)]
+            version.ask(*asked, 0)
+        turns = [[version.ask(*asked, seed) for version in versions] for seed in range(starts)]
         seconds, off = zip(*(zip(*of, strict=True) for of in zip(*turns, strict=True)), strict=True)
         now, before = map(statistics.median, seconds)
         gains.append(before / now)
