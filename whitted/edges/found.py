@@ -144,7 +144,8 @@ def _moving(crossed: Crossed, cut: Cut) -> MovingPoints:
     for k, (place, known) in enumerate(ends):
         part = slice(both.size + k * one.size, both.size + (k + 1) * one.size)
         points.pixel[1 - k, part], points.change[1 - k, part] = -1, 0
-        points.jump[:, part] *= ~(known.take(one) & channels[:, place.take(one)])
+        # In these channels the pixel was cut off
+        points.jump[:, part][known.take(one) & channels[:, place.take(one)]] = 0
     return points
 
 
