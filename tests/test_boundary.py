@@ -81,6 +81,21 @@ def test_edge_through_samples_has_its_closed_form(load, precision, spp, up, left
     )
 
 
+CLEAR = material("clear", reflection=1.0, refraction=1.0, ior=1.0, fresnel="true")
+
+
+@pytest.mark.parametrize("spp", [4, 16])
+def test_surfaces_that_touch_have_no_crease(load, precision, spp):
+    """Seen from within a ball that rests on a floor, the two cross in a circle of some thousandths
+    of a radius, by rounding. Its crease would move by a million pixels for a unit of radius.
+    """
+    near = camera([0.78, 1.2, 4.4], [0.78, -0.75, 0], fov=0.05, resolution=(32, 32))
+    resting = ball([0.78, -0.17, 0], 0.58, "clear") + wall([0, 1, 0], 0.75, "white")
+    loaded = load(GLOW + near + WHITE + CLEAR + resting, precision)
+    slope = derivative(loaded, "spheres.sphere0.radius", spp=spp, terms="boundary")
+    np.testing.assert_array_equal(slope, 0)
+
+
 def test_faint_edges_are_found(load, precision):
     """A ball 1 % darker than what is behind it: were its outline not found, its radius would have
     no derivative. The outline's radius in pixels is that of the cone around the ball, seen from a

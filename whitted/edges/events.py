@@ -198,16 +198,23 @@ def board_place(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array, Arr
     return column, row, away
 
 
-def crease_cosines(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array]:
-    """The cosines at which a ray meets the surfaces `on` and `other` of a crease; else infinite."""
+def crease(scene: Scene, ray: Ray, event: Event) -> tuple[Array, Array, Array]:
+    """How a ray meets the surfaces `on` and `other` of a crease.
+
+    Returns:
+        The cosines at which it meets them, and the sine of the angle between them; elsewhere
+        infinite.
+    """
     p = ray.o + event.hit(scene, ray).t * ray.d
 
-    def cosine(index: Array) -> Array:
-        normal = pick(scene.sets, index, scene.background).of(lambda x: x.implicit(p)[1])
-        met = dr.abs(dr.dot(dr.normalize(normal), ray.d))
-        return dr.select(event.kind == Kind.CREASE, met, dr.inf)
+    def normal(index: Array) -> Array:
+        outward = pick(scene.sets, index, scene.background).of(lambda x: x.implicit(p)[1])
+        return dr.normalize(outward)
 
-    return cosine(event.on), cosine(event.other)
+    on, other = normal(event.on), normal(event.other)
+    met = dr.abs(dr.dot(on, ray.d)), dr.abs(dr.dot(other, ray.d)), dr.norm(dr.cross(on, other))
+    is_crease = event.kind == Kind.CREASE
+    return tuple(dr.select(is_crease, number, dr.inf) for number in met)
 
 
 def has_rooted_outline(scene: Scene, event: Event) -> Array:

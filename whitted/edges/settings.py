@@ -45,6 +45,10 @@ ON_SAMPLE = 2.0**-12
 # A surface runs off into the distance between two samples if a ray meets it at a cosine below this,
 # in units of the angle from one sample to the next.
 GRAZING = 1 / 4
+# Two surfaces touch, and their crease is one of rounding that does not move, if the sine of the
+# angle between them is below this. The crease around a ball on a floor has a sine of the root of
+# rounding, in radii. Slight as its light may be, it would move a thousand times as fast as others.
+TOUCHING = {"single": 2.0**-8, "double": 2.0**-22}
 
 # A pair of samples gets extra samples beside an edge according to its share of that edge: none if
 # the share is below SLIGHT, all if it is above 1 - SLIGHT, and a part in between. Without the

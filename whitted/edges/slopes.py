@@ -6,7 +6,7 @@ import drjit as dr
 
 from ..autodiff.forward import Direction, RaySlopes
 from ..autodiff.propagate import push_forward
-from ..core.arrays import Array
+from ..core.arrays import Array, precision_of
 from ..core.numerics import smooth_step
 from ..core.ray import Ray
 from ..scene.scene import Scene
@@ -14,9 +14,9 @@ from ..tracing.node import Limits
 from ..tracing.primary import CameraFrame, image_ray
 from ..tracing.record import Hits
 from ..tracing.surface import boards
-from .events import Kind, board_place, crease_cosines
+from .events import Kind, board_place, crease
 from .motion import Edge, level_jvp
-from .settings import LEAST_TILT
+from .settings import LEAST_TILT, TOUCHING
 
 
 @dataclass
@@ -97,15 +97,15 @@ def slopes_of(
     (right, down), arriving = level_jvp(at_rest, *rays, shot.limits, edge, hits)
     vertical, length = line.vertical, line.length
     turn = dr.norm(dr.select(vertical, down.turn, right.turn)) * length
-    on, other = crease_cosines(shot.scene, arriving, edge.event)
-    counts = type(along)(1)
+    on, other, angle = crease(shot.scene, arriving, edge.event)
+    counts = dr.select(angle > TOUCHING[precision_of(along).name], type(along)(1), 0)
     if boards(shot.scene):
         across = dr.fmax(dr.abs(right.column), dr.abs(right.row))
         most = dr.fmax(across, dr.fmax(dr.abs(down.column), dr.abs(down.row))) * length
         away = board_place(shot.scene, arriving, edge.event)[2]
         full, none, far = fading
         small = smooth_step(full, none, most) * smooth_step(far / 2, far, away)
-        counts = dr.select(edge.event.kind == Kind.CELL, 1 - small, 1)
+        counts = dr.select(edge.event.kind == Kind.CELL, 1 - small, counts)
     return Slopes(
         along=dr.select(vertical, down.level, right.level),
         across=dr.select(vertical, right.level, down.level),
