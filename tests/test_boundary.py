@@ -25,6 +25,7 @@ from samples import sphere as ball
 
 from whitted import load_scene, render
 from whitted.edges import settings
+from whitted.edges.correction import Correction
 from whitted.rendering import job
 from whitted.tracing.primary import camera_frame, image_ray
 
@@ -670,6 +671,35 @@ def test_error_of_the_gradient_falls_with_the_samples(load):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("spp", [1, 16])
+def test_samples_of_a_pixel_count_for_one(monkeypatch, spp):
+    """Mirrors that see each other: outlines cross the pairs of many a sample in both directions.
+
+    Samples in crowds, and one beside an edge that was not found, count for less. A sample that
+    counted for less than nothing would spoil a pixel, as its derivative may be huge.
+    """
+    seen = []
+
+    def count(self, images, wrt, directions):
+        band, (columns, side) = self.band, (self.band.resolution[0], self.band.side)
+        parts = [one.weight for one in self.extra + [one.extra for one in self.traced]]
+        pixel = [one.pixel for one in self.extra + [one.extra for one in self.traced]]
+        regular = self.weights.numpy()
+        total = regular.reshape(band.rows, side, columns, side).mean((1, 3)).ravel()
+        np.add.at(total, np.concatenate(pixel), np.concatenate(parts))
+        seen.append((total, min(regular.min(), *(part.min(initial=0) for part in parts))))
+
+    monkeypatch.setattr(Correction, "_add_interior", count)
+    scene = load_scene(next(path for path in SHIPPED if path.stem == "three_mirror"), "double")
+    derivative(scene, "spheres.small.radius", spp=spp, resolution=(40, 40))
+    total = np.concatenate([total for total, _ in seen])
+    # Sums of some thousand parts
+    rounding = 1000 * EPSILON["double"]
+    assert min(least for _, least in seen) >= -rounding
+    assert total.max() <= 1 + rounding
+    assert total.min() >= (1 - rounding if spp == 16 else 0)
+
+
 def test_slivers_between_mirrors_need_their_samples_in_pieces(monkeypatch):
     """Where mirrors touch, what lies between two edges is a hundredth of a pixel wide, and its
     derivative is 10^4 times that of the rest. Two samples of it alone are off twice as far as two

@@ -262,7 +262,7 @@ def test_samples_beside_an_edge_integrate_the_square_root(rooted, pieces):
 def test_samples_beside_an_edge_count_for_the_pixel_that_they_are_in():
     line = interval(0.05, True)
     order = np.array([[10], [20]], np.uint16)
-    samples = samples_beside(line, 1, np.array([[4], [-1]]), order)
+    samples = samples_beside(line, 1, np.array([[4], [-1]]), order, np.array([[1.0], [0.5]]))
     # The smooth side of a, and between the edge and the border, which is behind the edge
     assert samples.pixel.tolist() == [4, 4]
     assert samples.order.tolist() == [20, 10]

@@ -19,7 +19,7 @@ from .grid import Samples
 from .lattice import Lattice
 from .motion import Edge
 from .pairs import Crossings, Pairs, walk_order
-from .quadrature import Extra, intervals_beside, samples_beside
+from .quadrature import Extra, Interval, intervals_beside, samples_beside
 from .tables import deposit, rows_of
 
 
@@ -67,9 +67,13 @@ class Found:
         ends = [np.zeros((2, 0), int)]
         ends += [x.pairs.ends(x.crossings.pair[x.crossings.singular]) for x in self.crossed]
         marked = np.concatenate(ends, 1)
-        for crossed in self.crossed:
-            result.extra += self._beside(crossed, marked, taken)
+        lines = [self._lines(crossed, marked, taken) for crossed in self.crossed]
+        # Each part of a sample is replaced once, where edges of both directions take it
+        share = 1 / np.maximum(taken, 1)
+        for crossed, (interval, pair) in zip(self.crossed, lines, strict=True):
+            result.extra += self._beside(crossed, interval, pair, share)
             result.edges.append(_moving(crossed, self.cut))
+        np.minimum(taken, 1, out=taken)
         # The derivative of such a sample lacks that of the edges, which may nearly cancel it
         taken[self.lost] = 1
         if self.fine is not None:
@@ -80,11 +84,21 @@ class Found:
         result.weights = self._weights(taken[:first].reshape(shape))
         return result
 
-    def _beside(self, crossed: Crossed, marked: np.ndarray, taken: np.ndarray) -> list[Extra]:
-        """The samples beside edges; the parts of samples that they replace are added to `taken`."""
+    def _lines(
+        self, crossed: Crossed, marked: np.ndarray, taken: np.ndarray
+    ) -> tuple[Interval, np.ndarray]:
+        """The lines beside edges, and their pairs; the parts of samples that they replace are added
+        to `taken`.
+        """
+        lines, pair, part = intervals_beside(crossed.crossings, crossed.pairs, marked)
+        deposit(taken, crossed.pairs.sample.take(pair, 1), part)
+        return lines, pair
+
+    def _beside(
+        self, crossed: Crossed, lines: Interval, pair: np.ndarray, share: np.ndarray
+    ) -> list[Extra]:
+        """The samples beside edges."""
         pairs, found = crossed.pairs, crossed.crossings
-        lines, pair, part = intervals_beside(found, pairs, marked)
-        deposit(taken, pairs.sample.take(pair, 1), part)
         # Derivatives may change much between edges that are close to each other, as in curved
         # mirrors, and at singular creases, from which a surface runs off into the distance
         most, close = min(self.band.side, settings.PIECES), np.bincount(found.pair) > 1
@@ -95,7 +109,8 @@ class Found:
             which = np.flatnonzero(pieces == count)
             here = pair.take(which)
             pixel, order = pairs.pixel.take(here, 1), pairs.order.take(here, 1)
-            extra.append(samples_beside(rows_of(lines, which), count, pixel, order))
+            part = share.take(pairs.sample.take(here, 1))
+            extra.append(samples_beside(rows_of(lines, which), count, pixel, order, part))
         return extra
 
     def _weights(self, taken: np.ndarray) -> Array:

@@ -105,14 +105,17 @@ def _is_marked(marks: np.ndarray, numbers: np.ndarray) -> np.ndarray:
     return table.take(numbers)
 
 
-def samples_beside(interval: Interval, pieces: int, pixel: np.ndarray, order: np.ndarray) -> Extra:
+def samples_beside(
+    interval: Interval, pieces: int, pixel: np.ndarray, order: np.ndarray, share: np.ndarray
+) -> Extra:
     """The samples of intervals, each part of which is cut into pieces.
 
     Args:
-        pixel, order: (2, N), of the samples a and b.
+        pixel, order, share: (2, N), of the samples a and b.
     """
     x, y, weight, in_b, behind = nodes(interval, pieces)
     pixel, order = np.where(in_b, *pixel[::-1]), np.where(behind, *order[::-1])
+    weight = weight * np.where(in_b, *share[::-1])
     kept = np.flatnonzero((weight > 0) & (pixel >= 0))
     columns = (column.ravel().take(kept) for column in (x, y, pixel, weight, order))
     x, y, pixel, weight, order = columns
