@@ -222,6 +222,30 @@ def test_second_derivatives_and_gradients_agree(ball, target):
     np.testing.assert_allclose(gradient, slope, rtol=0, atol=1e-5 * np.abs(slope).max())
 
 
+@pytest.mark.parametrize("kept", [1 << 24, 0], ids=["kept", "too many"])
+def test_derivatives_at_the_same_numbers_are_taken_once(ball, target, monkeypatch, kept):
+    """Error bars need those of the last step; too many are not kept, and are the same."""
+    monkeypatch.setattr("whitted.inverse.loss.KEPT", kept)
+    taken, original = [], Objective._residuals_and_slopes
+
+    def count(self, x):
+        taken.append(x)
+        return original(self, x)
+
+    monkeypatch.setattr(Objective, "_residuals_and_slopes", count)
+    views = (checked_view(ball, target, None, None, ""),)
+    options = {"spp": 1, "boundary": True, "max_depth": None}
+    objective = Objective(views, tuple(WRT), ((3,),), options, gain=False)
+    x = np.array([0.5, 0.2, -0.3])
+    fresh = objective.residuals(x)[0]
+    first, again = (list(objective.linearised(x)) for _ in range(2))
+    assert len(taken) == (1 if kept else 2)
+    objective.loss(x + 0.1)
+    np.testing.assert_array_equal(objective.residuals(x)[0], fresh)
+    for one, two in zip(first[0][1:], again[0][1:], strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
 def sizes_as(sizes):
     return {name: np.zeros(size) for name, size in sizes.items()}
 

@@ -93,8 +93,8 @@ def fit(
         boundary, max_depth: as of `render`. With boundary=False only samples are differentiated,
             which fails at edges.
         resolution: width and height of the target, in place of the scene's.
-        tolerance: an "lm" fit ends when a step is below this part of each number's scale, or
-            shorter than the numbers' standard error.
+        tolerance: an "lm" fit ends when a step is below this part of each number's scale, or as
+            short as a few of the numbers' standard errors.
         progress: show a bar on standard error, if that is a terminal.
         callback: called after each iteration.
 

@@ -20,9 +20,10 @@ NULL = 1e-6
 # A coarse fit ends at this many times the tolerance, and this many times the least step in standard
 # errors: the next fit does the rest
 COARSE, COARSE_ERRORS = 100, 30
-# A step of up to so many times the least length is the last one: the next would be far shorter
-SHORT = 10
-BELOW_ERRORS = "converged: steps are below the standard errors"
+# An undamped step of up to so many times the least length is the last one. If it lowers the loss,
+# the next would be far shorter; if not, the loss is too uneven for steps of that length
+SHORT = 50
+BY_ERRORS = "converged: steps are as short as the standard errors"
 
 
 def levenberg_marquardt(
@@ -44,27 +45,33 @@ def levenberg_marquardt(
     for _ in range(iterations):
         if not curvature.any():
             return x, NO_SLOPE
-        taken, short = False, False
+        variance = 2 * loss / objective.total
+        whole = _step(search, x, slope, curvature, 0.0)
+        last = _in_errors(whole, curvature, variance) < SHORT * search.least_errors
+        last &= _is_free(search, x, whole)
+        taken = False
         while not taken and damping < MOST:
             if search.late:
                 return x, LATE
-            after = search.bounded(x + _step(search, x, slope, curvature, damping))
+            step = whole if last else _step(search, x, slope, curvature, damping)
+            after = search.bounded(x + step / max(1.0, float(np.abs(step / search.scale).max())))
             step = after - x
             if np.abs(step / search.scale).max() < tolerance:
                 return x, "converged: steps are below the tolerance"
-            errors = _in_errors(step, curvature, 2 * loss / objective.total)
-            if errors < least:
-                return x, BELOW_ERRORS
+            if _in_errors(step, curvature, variance) < least:
+                return x, BY_ERRORS
             lowered = objective.loss(after)
-            taken, short = lowered < loss, errors < SHORT * search.least_errors
+            taken = lowered < loss
+            if last and not taken:
+                return x, BY_ERRORS
             damping = max(damping / FALL, LEAST) if taken else max(damping * GROWTH, AGAIN)
         if not taken:
             return x, "converged: no step lowers the loss"
         x = after
         search.steps += 1
-        if short:
+        if last:
             search.record(objective, lowered, x)
-            return x, BELOW_ERRORS
+            return x, BY_ERRORS
         loss, slope, curvature = objective.normal_equations(x)
         search.record(objective, loss, x, slope, curvature.diagonal())
     return x, "iterations used up"
@@ -79,10 +86,17 @@ def _in_errors(step: np.ndarray, curvature: np.ndarray, variance: float) -> floa
     return math.sqrt(step @ curvature @ step / variance) if variance else math.inf
 
 
+def _is_free(search: Search, x: np.ndarray, step: np.ndarray) -> bool:
+    """Whether no bound and no scale holds a step back."""
+    after = x + step
+    near = (after >= search.low) & (after <= search.high) & (np.abs(step) <= search.scale)
+    return bool(near.all())
+
+
 def _step(
     search: Search, x: np.ndarray, slope: np.ndarray, curvature: np.ndarray, damping: float
 ) -> np.ndarray:
-    """A damped step of the numbers that can move; none moves by more than its scale."""
+    """A damped step of the numbers that can move."""
     diagonal = curvature.diagonal()
     # A step may have ended a rounding beside a bound
     near = search.tolerance * search.scale
@@ -95,7 +109,7 @@ def _step(
     matrix += (damping + REGULAR) * np.eye(len(free))
     step[free] = -unit * np.linalg.solve(matrix, unit * slope[free])
     step[free] = _told(step[free], curvature[np.ix_(free, free)], search.scale[free])
-    return step / max(1.0, float(np.abs(step / search.scale).max()))
+    return step
 
 
 def _told(step: np.ndarray, curvature: np.ndarray, scale: np.ndarray) -> np.ndarray:

@@ -17,6 +17,9 @@ from .priors import Prior
 from .robust import robust_loss, robust_weight
 from .views import View
 
+# Derivatives of pixels that are kept, at most: they take 128 MiB
+KEPT = 1 << 24
+
 
 @dataclass(frozen=True)
 class Objective:
@@ -35,6 +38,10 @@ class Objective:
     robust: str | None = None  # the name of a robust loss
     # The views' images of the last x, by its bytes
     _last: dict[bytes, list[Linearised]] = field(
+        init=False, default_factory=dict, compare=False, repr=False
+    )
+    # The views' residuals and the derivatives of these, of the x for which they were made last
+    _slopes: dict[bytes, list[tuple[np.ndarray, np.ndarray]]] = field(
         init=False, default_factory=dict, compare=False, repr=False
     )
 
@@ -121,10 +128,15 @@ class Objective:
 
     def gains(self, x: np.ndarray) -> np.ndarray:
         """The factor of each channel, shape (views, 3)."""
+        if not self.gain:
+            return np.ones((len(self.views), 3))
         return np.array([self._residual(view, image)[1] for view, image in self._images(x)])
 
     def residuals(self, x: np.ndarray) -> list[np.ndarray]:
         """Each view's residual, shape (height, width, 3)."""
+        known = self._slopes.get(x.tobytes())
+        if known is not None:
+            return [residual for residual, _ in known]
         return [self._residual(view, image.astype(float))[0] for view, image in self._images(x)]
 
     def _residual(self, view: View, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -188,6 +200,17 @@ class Objective:
 
         The residual has the shape (height, width, 3).
         """
+        key = x.tobytes()
+        if key not in self._slopes:
+            self._slopes.clear()
+            found = self._residuals_and_slopes(x)
+            if self.count * sum(view.target.size for view in self.views) > KEPT:
+                yield from ((view, *own) for view, own in zip(self.views, found, strict=True))
+                return
+            self._slopes[key] = list(found)
+        yield from ((view, *own) for view, own in zip(self.views, self._slopes[key], strict=True))
+
+    def _residuals_and_slopes(self, x: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         directions = [self.parameters(unit) for unit in np.eye(self.count)]
         for view, linearised in zip(self.views, self._at(x), strict=True):
             image = linearised.image.numpy().astype(np.float64)
@@ -195,7 +218,7 @@ class Objective:
             columns = [c.numpy().astype(np.float64) for c in linearised.along(tangents)]
             residual, gain = self._residual(view, image)
             columns = [self._with_gain(view, image, column, gain) for column in columns]
-            yield view, residual, np.stack(columns, -1)
+            yield residual, np.stack(columns, -1)
 
     def _with_gain(
         self, view: View, image: np.ndarray, column: np.ndarray, gain: np.ndarray
