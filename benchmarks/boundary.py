@@ -3,7 +3,7 @@
     python benchmarks/boundary.py [pixels] [cost] [--scene NAME]
 
 pixels: errors of images with and without edges, in single precision, at several numbers of samples
-a pixel. The reference is plain samples in double precision, 1024 a pixel. The plot is written to
+a pixel. The reference is plain samples in double precision, 16384 a pixel. The plot is written to
 results/pixels.png if all scenes are measured, else to out/pixels.png (needs the `bench` extra).
 
 cost: times with and without edges on the yardstick's scene, in turns.
@@ -28,7 +28,7 @@ HERE = Path(__file__).parent
 SCENES = HERE.parent / "scenes"
 # Samples a pixel of images without and with edges, and of the reference. Each of those with edges
 # is compared with 16 times as many plain ones.
-PLAIN, BOUNDARY, REFERENCE = (1, 4, 16, 64, 256), (1, 4, 16), 1024
+PLAIN, BOUNDARY, REFERENCE = (1, 4, 16, 64, 256), (1, 4, 16), 16384
 SPHERES = [f"spheres.sphere{k}.{field}" for k in range(3) for field in ("center", "radius")]
 MATERIALS = ["materials.mirror.ior", "materials.glass.ior", "materials.green.ior"]
 # The parameters of the gradients whose cost is measured
