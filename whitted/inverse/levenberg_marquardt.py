@@ -20,9 +20,10 @@ NULL = 1e-6
 # A coarse fit ends at this many times the tolerance, and this many times the least step in standard
 # errors: the next fit does the rest
 COARSE, COARSE_ERRORS = 100, 30
-# An undamped step of up to so many times the least length is the last one. If it lowers the loss,
-# the next would be far shorter; if not, the loss is too uneven for steps of that length
-SHORT = 50
+# An undamped step of up to so many times the least length is the last one, if it is to lower the
+# loss by no more than a part of it. If it does, the next would be far shorter; if not, the loss is
+# too uneven for steps of that length
+SHORT, SLIGHT = 50, 0.02
 BY_ERRORS = "converged: steps are as short as the standard errors"
 
 
@@ -47,8 +48,9 @@ def levenberg_marquardt(
             return x, NO_SLOPE
         variance = 2 * loss / objective.total
         whole = _step(search, x, slope, curvature, 0.0)
-        last = _in_errors(whole, curvature, variance) < SHORT * search.least_errors
-        last &= _is_free(search, x, whole)
+        errors = _in_errors(whole, curvature, variance)
+        last = errors < SHORT * search.least_errors and errors**2 < SLIGHT * objective.total
+        last = last and _is_free(search, x, whole)
         taken = False
         while not taken and damping < MOST:
             if search.late:
