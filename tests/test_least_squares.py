@@ -129,8 +129,8 @@ def test_steps_below_the_standard_errors_end_the_search(name):
     assert stopped == "converged: steps are as short as the standard errors"
     loss, _, curvature = problem.normal_equations(expected(problem))
     off = found - expected(problem)
-    # The last step is shorter than fifty times `least`, and among so few residuals than what changes
-    # the loss by 2 %. The rest is shorter than the last step
+    # The last step is shorter than fifty times `least`, and, among so few residuals, than one that
+    # changes the loss by 2 %. The rest is shorter than the last step
     most = min((50 * least) ** 2, 0.02 * problem.total)
     assert off @ curvature @ off < most * 2 * loss / problem.total
 
