@@ -21,7 +21,7 @@ import numpy as np
 
 HERE = Path(__file__).parent
 RESULTS = HERE.parent / "results"
-SAMPLES, CALLS = (1, 4), 3
+SAMPLES, CALLS = (1, 4), 9
 COLUMNS = ("version", "scene", "spp", "plain ms", "gradient ms", "parameter", "error", "of it")
 
 
