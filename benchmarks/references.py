@@ -7,8 +7,8 @@ has an edge (32768, if not given), and of 256 in the others. The mean is written
 results/references/, with its own error: half of how far apart the results of the two sets are.
 
 The step has to be small. An edge that moves from one pixel into the next within it changes both,
-which no second step can put right. With 0.0005, as the kept ones have, edges move by some
-hundredths of a pixel.
+which no second step can put right. With 0.0005, as most of the kept ones have, edges move by
+some hundredths of a pixel.
 
 The points are a rank-1 sequence. Source: M. Roberts, "The Unreasonable Effectiveness of
 Quasirandom Sequences" (2018).

@@ -670,7 +670,6 @@ def test_error_of_the_gradient_falls_with_the_samples(load):
     assert np.polyfit(np.log([1, 2, 4, 8]), np.log(errors), 1)[0] < -1, errors
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("spp", [1, 16])
 def test_samples_of_a_pixel_count_for_one(monkeypatch, spp):
     """Mirrors that see each other: outlines cross the pairs of many a sample in both directions.
@@ -700,6 +699,7 @@ def test_samples_of_a_pixel_count_for_one(monkeypatch, spp):
     assert total.min() >= (1 - rounding if spp == 16 else 0)
 
 
+@pytest.mark.slow
 def test_slivers_between_mirrors_need_their_samples_in_pieces(monkeypatch):
     """Where mirrors touch, what lies between two edges is a hundredth of a pixel wide, and its
     derivative is 10^4 times that of the rest. Two samples of it alone are off twice as far as two

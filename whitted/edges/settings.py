@@ -46,8 +46,8 @@ ON_SAMPLE = 2.0**-12
 # in units of the angle from one sample to the next.
 GRAZING = 1 / 4
 # Two surfaces touch, and their crease is one of rounding that does not move, if the sine of the
-# angle between them is below this. The crease around a ball on a floor has a sine of the root of
-# rounding, in radii. Slight as its light may be, it would move a thousand times as fast as others.
+# angle between them is below this. Where a ball rests on a floor, that sine is about the root of
+# rounding, and the crease would move thousands of times as fast as others.
 TOUCHING = {"single": 2.0**-8, "double": 2.0**-22}
 
 # A pair of samples gets extra samples beside an edge according to its share of that edge: none if
