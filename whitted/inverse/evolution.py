@@ -12,7 +12,6 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from cmaes import CMA
 
 # A deviation below which steps with derivatives do the rest, in units of the scales
 SMALL = 2e-3
@@ -35,6 +34,9 @@ def evolve(
         evaluations: of the loss, at most.
         late: asked after each generation whether to end.
     """
+    # Here, since it imports SciPy where there is one, and that takes a second
+    from cmaes import CMA
+
     # The library has no vectors of one number: a second one is drawn, and not used
     cloud = CMA(np.zeros(max(count, 2)), deviation, seed=int(random.integers(1 << 31)))
     lowest, best = math.inf, np.zeros(count)
