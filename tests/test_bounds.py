@@ -29,7 +29,7 @@ def moves(pixel, moved, before, behind):
 def test_pixel_is_cut_off_at_what_it_saw():
     """Pixel 0 saw 1 and 0.25, pixel 1 saw 0.25 to 0.5, and pixel 2 saw 0 to 1."""
     image = np.repeat([-0.2, 0.75, 0.5], 3)
-    start = np.repeat([[[1, 0.5, 0.5]], [[0, 0, 0]]], 3, 1)
+    start = np.repeat([[1, 0.5, 0.5, 0, 0, 0]], 3, 0)
     edges = moves([[0, 1, 2], [-1, -1, -1]], np.zeros((2, 3)), [1, 0.5, 1], [0.25, 0.25, 0])
     pixels, channels = cut_off(image, start, edges, lambda pixels, own: (own, own.copy()))
     np.testing.assert_array_equal(image[::3], [0.25, 0.5, 0.5])
@@ -38,7 +38,7 @@ def test_pixel_is_cut_off_at_what_it_saw():
 
 
 def test_rounding_cuts_off_no_derivative():
-    image, start = np.full(3, 1 + 1e-9), np.ones((2, 3, 1))
+    image, start = np.full(3, 1 + 1e-9), np.ones((3, 2))
     edges = moves([[0], [-1]], np.zeros((2, 1)), [1], [0])
     pixels, _ = cut_off(image, start, edges, lambda pixels, own: (own, own.copy()))
     assert not pixels.size

@@ -38,35 +38,31 @@ def cut_off(image: np.ndarray, start: np.ndarray, moves: Moves, own_range: Range
 
     Args:
         image: flat, with RGB interleaved; it is changed.
-        start: (2, 3, N), the pixels of the moves before edges moved anything.
+        start: (3, 2 N), the pixels of the moves, the first of each and then the second, before
+            edges moved anything.
         moves: what edges have moved.
 
     Returns:
         The pixels that were cut off, in order, and (3, N) Bool: this channel was.
     """
-    behind = moves.before - moves.jump
-    least, most = np.minimum(moves.before, behind), np.maximum(moves.before, behind)
+    ends, behind = moves.pixel.ravel(), moves.before - moves.jump
+    least = np.tile(np.minimum(moves.before, behind), 2)
+    most = np.tile(np.maximum(moves.before, behind), 2)
     # Most pixels lie between what one of their edges has on its two sides
-    suspects = []
-    for ends, own in zip(moves.pixel, start, strict=True):
-        value = numbers_of(image, ends)
-        outside = (value < np.minimum(own, least)) | (value > np.maximum(own, most))
-        suspects.append(ends[(outside[0] | outside[1] | outside[2]) & (ends >= 0)])
-    pixels = np.unique(np.concatenate(suspects))
+    value = numbers_of(image, ends)
+    outside = (value < np.minimum(start, least)) | (value > np.maximum(start, most))
+    pixels = np.unique(ends[(outside[0] | outside[1] | outside[2]) & (ends >= 0)])
     if not pixels.size:
         return pixels, np.zeros((3, 0), bool)
     # Which of the moves these pixels are in
-    before, found = np.empty((3, pixels.size), image.dtype), []
-    for ends, own in zip(moves.pixel, start, strict=True):
-        place, known = places_among(pixels, ends)
-        here = np.flatnonzero(known)
-        before[:, place[here]] = own[:, here]
-        found.append((place[here], here))
+    place, known = places_among(pixels, ends)
+    here = np.flatnonzero(known)
+    place, before = place.take(here), np.empty((3, pixels.size), image.dtype)
+    before[:, place] = start.take(here, 1)
     low, high = own_range(pixels, before)
-    for place, here in found:
-        for channel in range(3):
-            np.minimum.at(low[channel], place, least[channel, here])
-            np.maximum.at(high[channel], place, most[channel, here])
+    for channel in range(3):
+        np.minimum.at(low[channel], place, least[channel].take(here))
+        np.maximum.at(high[channel], place, most[channel].take(here))
     value = numbers_of(image, pixels)
     inside = np.clip(value, low, high)
     image.reshape(-1, 3)[pixels] = inside.T

@@ -269,7 +269,7 @@ class _Search:
         if not rounds:
             return
         every = concatenated(rounds)
-        start = np.stack([numbers_of(self.image, ends) for ends in every.pixel])
+        start = numbers_of(self.image, every.pixel.ravel())
         for moves in rounds:
             deposit(self.image, moves.pixel, *(moves.moved * channel for channel in moves.jump))
         self.cut = cut_off(self.image, start, every, self.range_of)
