@@ -87,6 +87,8 @@ def test_ctrl_c_gives_the_best_so_far(target, when, notes):
     result = cluster.fit(ball().replace(START), target, **FIT, progress=stop)
     assert result.stopped == "interrupted"
     assert result.notes == notes
+    # The first steps count where nothing has come after them
+    assert (result.iterations > 0) == (when == 2)
     assert len(told) == when
 
 
@@ -122,7 +124,7 @@ def test_ends_that_are_alike_are_one(target, monkeypatch):
         lambda fraction: None,
     )
     a, b, c = (0.0, 0.0, 0.0), (1e-4, 0.0, 0.0), (0.5, 0.0, 0.0)
-    contest.ends = [(0.3, c), (0.1, a), (0.2, b), (np.inf, (9.0, 9.0, 9.0))]
+    contest.ends = [(0.3, c, 1), (0.1, a, 1), (0.2, b, 1), (np.inf, (9.0, 9.0, 9.0), 1)]
     assert contest._best_ends() == [a, c]
 
 

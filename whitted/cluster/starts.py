@@ -16,7 +16,7 @@ from ..rendering.samples import check_depth, checked_side
 from ..scene.scene import Scene
 from .engine import outcomes
 from .plan import is_whole
-from .trials import Trials, go_on, try_starts
+from .trials import Trial, Trials, go_on, try_starts
 
 # Further options, those of `whitted.fit`
 OPTIONS = (
@@ -100,7 +100,7 @@ class _Contest:
         self, client: Any, trials: Trials, best: int, report: Callable[[float], None]
     ) -> None:
         self.client, self.trials, self.best, self.report = client, trials, best, report
-        self.ends: list[tuple[float, tuple[float, ...]]] = []
+        self.ends: list[Trial] = []
         self.results: list[FitResult] = []
         self.done = 0
 
@@ -133,7 +133,7 @@ class _Contest:
     def _best_ends(self) -> list[tuple[float, ...]]:
         """The best ends of first steps, of which no two are alike."""
         chosen: list[tuple[float, ...]] = []
-        for loss, end in sorted(self.ends):
+        for loss, end, _ in sorted(self.ends):
             scales = self.trials.problem.scales
             far = [abs(np.subtract(end, one) / scales).max() > ALIKE for one in chosen]
             if all(far) and (math.isfinite(loss) or not chosen):
@@ -149,5 +149,6 @@ class _Contest:
         problem = self.trials.problem
         x = np.array(min(self.ends)[1]) if self.ends else problem.start
         search = problem.search(lambda step: None)
+        search.steps = sum(steps for _, _, steps in self.ends)
         search.notes.append(starts_tried(len(self.ends), self.trials.plan.starts))
         return result_at(problem, search, x, INTERRUPTED)

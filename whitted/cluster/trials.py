@@ -18,6 +18,8 @@ from ..inverse.problem import Problem, problem_of
 
 # Starts of a task: the first steps from each are some tens of pictures
 BATCH = 4
+# The loss where the first steps from a start end, the numbers there, and how many steps they were
+Trial = tuple[float, tuple[float, ...], int]
 
 
 @dataclass(frozen=True)
@@ -55,8 +57,8 @@ class Trials:
 
 
 @holding
-def try_starts(trials: Trials, task: int) -> list[tuple[float, tuple[float, ...]]]:
-    """Where the first steps from a task's starts lead: the loss, and the numbers."""
+def try_starts(trials: Trials, task: int) -> list[Trial]:
+    """Where the first steps from a task's starts lead."""
     method, found = chosen(trials.plan.method, trials.problem.objective), []
     for start in trials.starts[task * BATCH : (task + 1) * BATCH]:
         search = trials.problem.search(lambda step: None)
@@ -65,7 +67,7 @@ def try_starts(trials: Trials, task: int) -> list[tuple[float, tuple[float, ...]
         except ValueError:
             # A start may leave what is finite
             loss, end = math.inf, start
-        found.append((loss, tuple(end.tolist())))
+        found.append((loss, tuple(end.tolist()), search.steps))
     return found
 
 

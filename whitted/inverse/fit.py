@@ -188,7 +188,8 @@ def _unseen(search: Search, covariance: np.ndarray) -> np.ndarray:
 def _result(search: Search, objective: Objective, x: np.ndarray, stopped: str) -> FitResult:
     known, loss = uncertainty(objective, x, search.scale), objective.loss(x)
     if not search.history:
-        search.history.append(Iteration(0, objective.views[0].resolution, loss, x.copy()))
+        size = objective.views[0].resolution
+        search.history.append(Iteration(search.steps, size, loss, x.copy()))
     parameters = objective.parameters(x)
     unseen = [search.labels[k] for k in _unseen(search, known.covariance)]
     return FitResult(
