@@ -325,6 +325,24 @@ def test_gradients_at_edges_agree_with_differences():
     assert error < 0.1
 
 
+@pytest.mark.parametrize("boundary", [False, True])
+def test_spheres_and_other_numbers_have_gradients_together(boundary):
+    """The derivatives that reverse mode adds up are those of forward mode, in every order."""
+    scene = matte_cloud(beads(5), precision="double")
+    names = ["camera.fov", "clouds.beads.center", "materials.matte.color"]
+    for order in (names, names[::-1]):
+        forward, reverse = (scene.parameters(*order) for _ in range(2))
+        dr.enable_grad(forward, reverse)
+        for value in forward.values():
+            dr.set_grad(value, 1)
+        slope = dr.forward_to(wt.render(scene.replace(forward), boundary=boundary)).numpy()
+        dr.backward(dr.sum(wt.render(scene.replace(reverse), boundary=boundary), axis=None))
+        sums = {name: dr.grad(value).numpy().sum() for name, value in reverse.items()}
+        assert all(total != 0 for total in sums.values())
+        # Both are sums of the same terms, in another order
+        np.testing.assert_allclose(sum(sums.values()), slope.sum(), rtol=1e-9)
+
+
 def test_optimiser_moves_a_cloud():
     target = wt.render(matte_cloud(beads(40)))
     scene = matte_cloud(beads(40) + [0.02, -0.01, 0.01, 0])

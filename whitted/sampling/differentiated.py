@@ -56,12 +56,15 @@ class Gradients:
         return Gradients(numbers, spheres)
 
     def by_name(self, structure: Structure, wrt: Names) -> Parameters:
-        """The derivatives by the parameters of these names."""
+        """The derivatives by the parameters of these names, in their order.
+
+        Dr.Jit drops gradients that come in another order than their inputs.
+        """
         found = {} if self.spheres is None else {SPHERES: self.spheres}
         if self.numbers is not None:
             found |= unpacked(structure.layout.some(wrt), self.numbers)
         dr.eval(found)
-        return found
+        return {name: found[name] for name in wrt}
 
 
 class Forward:
