@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import drjit as dr
 import numpy as np
+import pytest
 from drjit.llvm import ad
 
 import whitted as wt
@@ -89,3 +90,19 @@ def test_a_scene_is_the_same_after_a_function_that_the_user_freezes():
     np.testing.assert_array_equal(
         wt.render(fresh, **size).numpy(), wt.render(scene, **size).numpy()
     )
+
+
+def test_edges_are_not_recorded():
+    """What is found on the host would be that of the first call, in every later one."""
+    scene = wt.load_scene("cornell")
+    frozen = dr.freeze(lambda x: wt.render(scene, resolution=(12, 8)) * x)
+    with pytest.raises(RuntimeError) as caught:
+        frozen(dr.opaque(ad.Float, 0.5))
+    cause = caught.value.__cause__
+    assert type(cause) is ValueError
+    assert str(cause) == (
+        "boundary: edges are found outside of kernels, and cannot be recorded; "
+        "render with boundary=False in functions that dr.freeze records"
+    )
+    # All is as before
+    assert np.isfinite(wt.render(scene, resolution=(12, 8)).numpy()).all()

@@ -53,7 +53,8 @@ def render(
 
     Raises:
         TypeError: no scene is given, but its name, say.
-        ValueError: an argument is out of range, or the image does not fit in memory.
+        ValueError: an argument is out of range, or the image does not fit in memory; or edges are
+            asked for in a function that `drjit.freeze` records.
 
     Example:
         >>> scene = whitted.load_scene("scenes/cornell.toml")

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..core.arrays import Array, Parameters
 from ..core.derivatives import LOCK, operation
+from ..core.frozen import is_recording
 from ..core.interrupts import heed, held
 from ..edges.correction import TERMS, WEIGHTS
 from ..scene.features import branches_out
@@ -96,6 +97,11 @@ def _job_of(
     if terms not in TERMS or (terms != "both" and not boundary):
         raise ValueError(
             f"terms: expected one of {', '.join(TERMS)}, with boundary=True, got {terms!r}"
+        )
+    if boundary and is_recording():
+        raise ValueError(
+            "boundary: edges are found outside of kernels, and cannot be recorded; "
+            "render with boundary=False in functions that dr.freeze records"
         )
     side = checked_side(spp)
     check_depth(max_depth)
