@@ -1,9 +1,10 @@
 """Levels of the tree of rays as straight code, in front of a loop or without one."""
 
+import drjit as dr
 import numpy as np
 import pytest
 
-from whitted import load_scene, parse_scene, render
+from whitted import gradient, load_scene, parse_scene, render
 from whitted.rendering.job import Job
 
 # Two mirrors that see each other: chains
@@ -33,6 +34,36 @@ material = "mirror"
 [[lights]]
 position = [1, 3, 4]
 intensity = [0.8, 0.8, 0.8]
+"""
+# The eye stands between two mirrors, and sees a wall behind many reflections
+CORRIDOR = """
+max_depth = 11
+ambient = [0.1, 0.1, 0.1]
+[camera]
+position = [0, 0, 0]
+look_at = [0.35, 0.05, -1]
+fov = 50
+resolution = [8, 8]
+[materials.m]
+color = [0.1, 0.1, 0.1]
+reflection = 0.95
+[materials.wall]
+color = [0.6, 0.3, 0.2]
+[[planes]]
+normal = [1, 0, 0]
+offset = 1
+material = "m"
+[[planes]]
+normal = [-1, 0, 0]
+offset = 1
+material = "m"
+[[planes]]
+normal = [0, 0, 1]
+offset = 30
+material = "wall"
+[[lights]]
+position = [0, 0.3, 0]
+intensity = [1, 1, 1]
 """
 # Nodes add to radiance in another order
 ROUNDING = {"single": 1e-6, "double": 1e-14}
@@ -95,6 +126,19 @@ def test_stack_has_room_for_the_nodes_below_straight_levels():
         limits = Job(scene, {}, (8, 8), 8, 1, None, unroll=levels).limits
         assert (limits.levels, limits.capacity, limits.loops) == (levels, capacity, True)
     assert not Job(scene, {}, (8, 8), 6, 1, None, unroll=6).limits.loops
+
+
+@pytest.mark.parametrize("levels", [None, 0, 3, 11])
+def test_stack_has_room_for_all_nodes_of_a_chain(levels):
+    """Reverse mode keeps eleven nodes, however many levels are straight code."""
+    scene = parse_scene(CORRIDOR, precision="double")
+    options = {"boundary": False, "resolution": (8, 8)}
+    values = scene.parameters("materials.m.reflection")
+    dr.enable_grad(values)
+    dr.backward(dr.sum(render(scene.replace(values), unroll=levels, **options), axis=None))
+    (reverse,) = values["materials.m.reflection"].grad
+    forward = gradient(scene, "materials.m.reflection", **options).numpy().sum()
+    assert reverse == pytest.approx(forward, rel=1e-12)
 
 
 @pytest.mark.parametrize(("wrong", "most"), [(-1, 6), (7, 6), (2.0, 6), (True, 6), (65, 64)])

@@ -52,8 +52,9 @@ class Job:
         importance = dr.opaque(real, least) if least > 0 else None
         wanted = self._levels_that_pay() if self.unroll is None else self.unroll
         levels = min(wanted, self.max_depth)
-        # At first the nodes below the straight levels wait on the stack, all but one
-        most = self.max_depth - levels + (2**levels - 1 if branches_out(self.scene) else 0)
+        # Derivatives in reverse mode keep all nodes of a chain. In images of trees, the nodes below
+        # the straight levels wait at first, all but one
+        most = self.max_depth + (2**levels - 1 - levels if branches_out(self.scene) else 0)
         # A stack's size is compiled in. Powers of two are few
         return Limits(
             capacity=max(LEAST_CAPACITY, 1 << (most - 1).bit_length()),
