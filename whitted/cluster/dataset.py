@@ -69,7 +69,7 @@ def sweep(
         seed: of what is drawn, from 0 on.
         spp, boundary, max_depth, resolution: as of `render`.
         derivatives: names of numbers by which the pictures are differentiated.
-        batch: pictures of a task [default: enough for more than 50 ms].
+        batch: pictures of a task [default: enough for about half a second].
         resume: go on with the store if it is there, and has the same parameters.
         progress: as of `render`.
 

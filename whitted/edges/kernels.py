@@ -35,7 +35,9 @@ from .slopes import Line, Shot, image_slopes
 
 
 def crowds_everywhere(structure: Structure) -> bool:
-    """Whether all pixels with edges are crowds, as among some mirrors, or much glass."""
+    """Whether all pixels with edges are crowds: among many mirrors, or among very many spheres
+    where anything mirrors or refracts.
+    """
     many = structure.reflects and structure.in_tree > settings.MOST_SEARCHED
     return many or structure.mirrors > settings.MOST_MIRRORS
 

@@ -31,7 +31,8 @@ FADING_BETWEEN = 1 / 4, 1, 8
 ROUNDS, ROUNDS_WITHOUT_CROWDS = 24, 3
 # Steps to the root of a level function, at most. Nearly all take 3 to 6.
 ROOT_STEPS = 20
-# A root is found when a step is below this part of the segment. That is finer than GAP.
+# A root is found after a step below this part of the bracket that the search began with. Steps
+# shrink ever faster, so that what is left of the error is far smaller.
 ROOT_TOLERANCE = {"single": 2.0**-9, "double": 2.0**-23}
 # How far from an edge its two sides are looked at: a part of the distance between samples, but at
 # least so many roundings of a number as large as the image. Farther may lie across the next edge;

@@ -20,8 +20,8 @@ class FitResult:
     """What a fit found."""
 
     scene: Scene  #: the first view's, with the recovered parameters
-    parameters: dict[str, Any]  #: name to a number or three
-    #: the same for one standard deviation; infinite where the pictures do not tell
+    parameters: dict[str, Any]  #: name to a number, to three, or to those of all spheres of a cloud
+    #: one standard deviation of each, in the same form; infinite where the pictures do not tell
     uncertainty: dict[str, Any]
     covariance: np.ndarray  #: of all numbers, in the order of `labels`
     labels: list[str]  #: of the numbers, such as "spheres.ball.center.x"
@@ -30,7 +30,7 @@ class FitResult:
     gains: np.ndarray  #: of each channel of each view, of shape (views, 3)
     #: the start at each resolution and of each try, and each iteration, with numbers and loss
     history: list[Iteration]
-    stopped: str  #: why
+    stopped: str  #: why the fit has ended, in words; "interrupted" after Ctrl-C
     notes: list[str] = field(default_factory=list)  #: what is noteworthy, in words
 
     @property

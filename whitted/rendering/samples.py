@@ -58,7 +58,8 @@ class Linearised:
     def along(self, directions: Sequence[Parameters]) -> list[Array]:
         """The derivatives of the image along tangents of the parameters, for each direction.
 
-        DIRECTIONS at a time share one kernel; zeros fill the last ones up.
+        Up to DIRECTIONS share one call of a kernel; copies of the last direction fill the last call
+        up.
         """
         tangents = [self._inner(direction) for direction in directions]
         parts = -(-len(tangents) // DIRECTIONS)

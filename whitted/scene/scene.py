@@ -166,8 +166,9 @@ class Scene(Contents):
             names: such as "spheres.ball.center"; `*` stands for any part of a name.
 
         Returns:
-            Name to a Dr.Jit array of width 1: a `Float`, or an `Array3f` for a vector. In double
-            precision these are a `Float64` and an `Array3f64`.
+            Name to a Dr.Jit array: a `Float`, or an `Array3f` for a vector. In double precision
+            these are a `Float64` and an `Array3f64`. Their width is 1; for a cloud it is the number
+            of its spheres.
 
         Raises:
             KeyError: a name that the scene does not have, or a pattern that none matches; the
@@ -182,9 +183,10 @@ class Scene(Contents):
         """A new scene with these parameters, differentiable in what was replaced.
 
         Args:
-            values: parameter name to a Dr.Jit array of width 1, or to a number or three of them; a
-                dictionary or a `drjit.opt` optimiser. Gradients are tracked through the arrays as
-                they are given. Also what has no derivative: "spheres.ball.material",
+            values: parameter name to a Dr.Jit array like that of `parameters`, or to a number or
+                three of them; a dictionary or a `drjit.opt` optimiser. Gradients are tracked
+                through the arrays as they are given. Also what has no derivative:
+                "spheres.ball.material",
                 "camera.resolution", "camera.up", "max_depth", "min_importance",
                 "materials.glass.fresnel", "materials.white.checker" (a `Checkerboard`, or None),
                 "lights.key.falloff". And things as a whole: "camera" (a `Camera`), "spheres.ball"
